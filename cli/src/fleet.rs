@@ -22,7 +22,7 @@ const REDRAW: Duration = Duration::from_millis(200);
 const SILENT: Duration = Duration::from_secs(2);
 /// Columns of a terminal that does not report them.
 const USUAL_COLUMNS: u16 = 80;
-/// Where standard error is no terminal, one line for each so manieth part of the pairs.
+/// Where standard error is no terminal, one line for each such part of the pairs.
 const PARTS: usize = 10;
 
 /// Arguments of a table of diagnoses.

@@ -83,7 +83,7 @@ impl Fleet {
         let output = self.command(options).args(["--json", "summary.json"]).output().expect("it starts");
         let summary =
             std::fs::read(self.at("summary.json")).map_or(Value::Null, |t| serde_json::from_slice(&t).expect("JSON"));
-        (output.status.code(), said(&output), summary)
+        (output.status.code(), output_text(&output), summary)
     }
 
     /// Rows of the table by log group.
@@ -109,7 +109,7 @@ impl Fleet {
     }
 }
 
-fn said(output: &Output) -> String {
+fn output_text(output: &Output) -> String {
     [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned()).concat()
 }
 
@@ -169,7 +169,7 @@ fn lives(pid: u32) -> bool {
 fn children(parent: u32) -> Vec<u32> {
     let entries = std::fs::read_dir("/proc").expect("there").flatten();
     let pids = entries.filter_map(|entry| entry.file_name().to_str()?.parse().ok());
-    pids.filter(|pid| process(*pid).is_some_and(|(_, of)| of == parent)).collect()
+    pids.filter(|pid| process(*pid).is_some_and(|(_, own_parent)| own_parent == parent)).collect()
 }
 
 fn started(command: &mut Command) -> Child {
@@ -177,32 +177,32 @@ fn started(command: &mut Command) -> Child {
 }
 
 /// The figures of a table's row in the JSON of the same diagnosis.
-fn assert_row_is(row: &Value, of: &Value) {
+fn assert_row_is(row: &Value, document: &Value) {
     let same = |column: &Value, expected: &Value, name: &str| match (column.as_f64(), expected.as_f64()) {
         (Some(column), Some(expected)) => assert_eq!(column.to_bits(), expected.to_bits(), "{name}"),
         _ => assert_eq!(column, expected, "{name}"),
     };
     let fields = [
-        ("verdict", &of["verdict"]),
-        ("remark", &of["remark"]),
-        ("robot_name", &of["robot"]),
-        ("gap_before", &of["gap"]["before"]),
-        ("gap_after", &of["gap"]["after"]),
-        ("gap_noise_floor", &of["gap"]["noise_floor"]),
-        ("unexplained_share", &of["unexplained_share"]),
-        ("runs", &of["data"]["runs"]),
-        ("training_s", &of["data"]["fit_seconds"]),
-        ("held_out_s", &of["data"]["sealed_seconds"]),
-        ("held_out", &of["passport"]["sealed"]),
-        ("model", &of["passport"]["model"]),
-        ("program_sha256", &of["passport"]["tool"]["sha256"]),
+        ("verdict", &document["verdict"]),
+        ("remark", &document["remark"]),
+        ("robot_name", &document["robot"]),
+        ("gap_before", &document["gap"]["before"]),
+        ("gap_after", &document["gap"]["after"]),
+        ("gap_noise_floor", &document["gap"]["noise_floor"]),
+        ("unexplained_share", &document["unexplained_share"]),
+        ("runs", &document["data"]["runs"]),
+        ("training_s", &document["data"]["fit_seconds"]),
+        ("held_out_s", &document["data"]["sealed_seconds"]),
+        ("held_out", &document["passport"]["sealed"]),
+        ("model", &document["passport"]["model"]),
+        ("program_sha256", &document["passport"]["tool"]["sha256"]),
     ];
     for (name, expected) in fields {
         same(&row[name], expected, name);
     }
     let list = |value: &Value| value.as_array().expect("a list").clone();
     let digest = |role: &str| {
-        list(&of["passport"]["inputs"])
+        list(&document["passport"]["inputs"])
             .into_iter()
             .filter(|i| i["role"] == role)
             .map(|i| i["sha256"].clone())
@@ -210,14 +210,14 @@ fn assert_row_is(row: &Value, of: &Value) {
     };
     assert_eq!(row["log_sha256"], Value::Array(digest("log")));
     assert_eq!(row["robot_sha256"], digest("robot")[0]);
-    let (joints, expected) = (list(&row["joints"]), list(&of["gap"]["per_joint"]));
+    let (joints, expected) = (list(&row["joints"]), list(&document["gap"]["per_joint"]));
     assert_eq!(joints.len(), expected.len());
     for (joint, expected) in joints.iter().zip(&expected) {
         for name in ["joint", "before", "after", "noise_floor", "before_nm", "after_nm", "noise_floor_nm"] {
             same(&joint[name], &expected[name], name);
         }
     }
-    let (causes, expected) = (list(&row["causes"]), list(&of["causes"]));
+    let (causes, expected) = (list(&row["causes"]), list(&document["causes"]));
     assert_eq!(causes.len(), expected.len());
     for (cause, expected) in causes.iter().zip(&expected) {
         for name in
@@ -235,7 +235,7 @@ fn assert_row_is(row: &Value, of: &Value) {
     }
     let diagnosis: Value = serde_json::from_str(row["diagnosis"].as_str().expect("JSON")).expect("JSON");
     for name in ["schema", "robot", "verdict", "gap", "where", "log", "data", "unexplained_share"] {
-        assert_eq!(diagnosis[name], of[name], "{name}");
+        assert_eq!(diagnosis[name], document[name], "{name}");
     }
 }
 
@@ -266,12 +266,13 @@ fn rows_are_the_diagnoses_of_their_pairs_and_failures_are_rows() {
     for (arm, log) in [("arm-1", "a"), ("arm-1", "b"), ("arm-2", "a")] {
         let (robot, log) = (format!("robots/{arm}/robot.toml"), format!("logs/{arm}/{log}.parquet"));
         let alone = fleet.rivet(&[&robot, &log, "--json", "alone.json"]).output().expect("it starts");
-        let of: Value = serde_json::from_slice(&std::fs::read(fleet.at("alone.json")).expect("written")).expect("JSON");
+        let document: Value =
+            serde_json::from_slice(&std::fs::read(fleet.at("alone.json")).expect("written")).expect("JSON");
         let row = &rows[&log];
         assert_eq!((&row["robot"], &row["logs"]), (&json!(arm), &json!([log])));
         assert_eq!(row["exit_code"], json!(alone.status.code()));
-        assert!(of["causes"].as_array().is_some_and(|causes| !causes.is_empty()), "{of}");
-        assert_row_is(row, &of);
+        assert!(document["causes"].as_array().is_some_and(|causes| !causes.is_empty()), "{document}");
+        assert_row_is(row, &document);
     }
 }
 
@@ -283,12 +284,17 @@ fn groups_hold_out_the_last_log_as_one_diagnosis_does() {
     let row = &fleet.rows()["logs/arm-1"];
     let words = ["robots/arm-1/robot.toml", "logs/arm-1/a.parquet", "logs/arm-1/b.parquet"];
     fleet.rivet(&words).args(["--json", "alone.json"]).output().expect("it starts");
-    let of: Value = serde_json::from_slice(&std::fs::read(fleet.at("alone.json")).expect("written")).expect("JSON");
+    let document: Value =
+        serde_json::from_slice(&std::fs::read(fleet.at("alone.json")).expect("written")).expect("JSON");
     assert_eq!((&row["held_out"], &row["runs"]), (&json!("b.parquet"), &json!(2)));
-    assert_row_is(row, &of);
+    assert_row_is(row, &document);
     // The files by name are the same pair: there is nothing left to do.
     let again = fleet.rivet(&words).args(["--table", "t.parquet"]).output().expect("it starts");
-    assert!(said(&again).contains("1 pairs: 1 diagnosed, 0 failed; 1 were up to date"), "{}", said(&again));
+    assert!(
+        output_text(&again).contains("1 pairs: 1 diagnosed, 0 failed; 1 were up to date"),
+        "{}",
+        output_text(&again)
+    );
 }
 
 #[test]
@@ -312,9 +318,9 @@ fn does_again_what_has_changed_and_nothing_else() {
     fleet.draw_log(&fleet.at("robots/arm-1/robot.toml"), "logs/arm-1/b.parquet", 77);
     let listed = fleet.command(&["--dry-run"]).output().expect("it starts");
     assert!(
-        said(&listed).lines().any(|line| line.contains("arm-1/b.parquet") && line.contains("changed")),
+        output_text(&listed).lines().any(|line| line.contains("arm-1/b.parquet") && line.contains("changed")),
         "{}",
-        said(&listed)
+        output_text(&listed)
     );
     assert_eq!(file(), written, "a list of pairs changes nothing");
     let (_, _, summary) = fleet.run(&[]);
@@ -333,7 +339,7 @@ fn does_again_what_has_changed_and_nothing_else() {
     assert_eq!((code, &summary["failed"], &summary["up_to_date"]), (Some(0), &json!(0), &json!(3)), "{text}");
     // Rows of logs that the command does not name stay.
     let fewer = fleet.rivet(&["--robots", "robots", "--logs", "logs/arm-1/*", "--table", "t.parquet"]).output();
-    assert!(said(&fewer.expect("it starts")).contains("2 pairs: 2 diagnosed, 0 failed; 2 were up to date"));
+    assert!(output_text(&fewer.expect("it starts")).contains("2 pairs: 2 diagnosed, 0 failed; 2 were up to date"));
     assert_eq!(fleet.rows().len(), 4);
 }
 
@@ -388,8 +394,8 @@ fn ctrl_c_keeps_finished_rows_in_the_table() {
     });
     send(running.id(), Signal::INT);
     let output = running.wait_with_output().expect("it ends");
-    assert_eq!(output.status.code(), Some(130), "{}", said(&output));
-    assert!(said(&output).contains("the same command continues"), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(130), "{}", output_text(&output));
+    assert!(output_text(&output).contains("the same command continues"), "{}", output_text(&output));
     assert!(!lives(diagnosis));
     let kept = fleet.rows();
     assert!((1..4).contains(&kept.len()) && kept.values().all(|row| row["status"] == "diagnosed"), "{kept:?}");
@@ -407,7 +413,7 @@ fn a_crash_is_a_row_and_is_tried_again() {
     let diagnosis = wait_for("diagnosis", || children(running.id()).first().copied());
     send(diagnosis, Signal::ABORT);
     let output = running.wait_with_output().expect("it ends");
-    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(1), "{}", output_text(&output));
     let rows = fleet.rows();
     let crashed: Vec<&Value> = rows.values().filter(|row| row["status"] == "failed").collect();
     assert_eq!((rows.len(), crashed.len()), (2, 1));
@@ -422,8 +428,8 @@ fn refuses_what_is_ambiguous_and_what_it_would_overwrite() {
     let fleet = Fleet::draw(&["arm-1/a", "arm-2/a"]);
     let refused = |words: &[&str]| {
         let output = fleet.rivet(words).output().expect("it starts");
-        assert_eq!(output.status.code(), Some(64), "{words:?}: {}", said(&output));
-        said(&output)
+        assert_eq!(output.status.code(), Some(64), "{words:?}: {}", output_text(&output));
+        output_text(&output)
     };
     let log = fleet.at("logs/arm-1/a.parquet");
     let before = std::fs::read(&log).expect("there");
@@ -442,7 +448,7 @@ fn refuses_what_is_ambiguous_and_what_it_would_overwrite() {
     let words =
         ["--robots", "robots", "--logs", "logs/arm-1/a.parquet", "logs/arm-2/a.parquet", "--table", "t.parquet"];
     let listed = fleet.rivet(&words).arg("--dry-run").output().expect("it starts");
-    assert_eq!(said(&listed).matches("missing").count(), 2, "{}", said(&listed));
+    assert_eq!(output_text(&listed).matches("missing").count(), 2, "{}", output_text(&listed));
 }
 
 #[test]
@@ -478,7 +484,7 @@ fn python(fleet: &Fleet, block: &str, modules: &[&str]) -> Option<String> {
     let mut command = python();
     command.arg("block.py").env("PATH", path).env("PYTHONDONTWRITEBYTECODE", "1").current_dir(fleet.folder.path());
     let output = command.output().expect("it starts");
-    assert!(output.status.success(), "{}", said(&output));
+    assert!(output.status.success(), "{}", output_text(&output));
     Some(String::from_utf8_lossy(&output.stdout).into_owned())
 }
 

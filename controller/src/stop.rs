@@ -120,8 +120,8 @@ impl Stop {
             if stopping.untrusted >> j & 1 == 1 {
                 let mut a = stopping.qdd[j] + moved[j];
                 if before == 0.0 {
-                    let held = holding[j].abs() / law.nominal_inertia(j).max(f64::MIN_POSITIVE);
-                    a -= a.clamp(-held, held);
+                    let sticking = holding[j].abs() / law.nominal_inertia(j).max(f64::MIN_POSITIVE);
+                    a -= a.clamp(-sticking, sticking);
                 }
                 stopping.qd[j] = before + a * elapsed_s;
             } else {

@@ -11,7 +11,7 @@ use rivet_simulation::two_mass::Push;
 /// First seed and count of the draws, where the environment says nothing.
 const FIRST_SEED: u64 = 9001;
 const COUNT: u64 = 30;
-/// Time that the arm is looked at after a fault \[s\].
+/// Time for which the arm is observed after a fault \[s\].
 const AFTER_S: f64 = 4.0;
 /// Largest speed, in parts of the joint's limit.
 const MOST_SPEED: f64 = 1.2;

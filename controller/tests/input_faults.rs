@@ -11,7 +11,7 @@ use rivet_ipc_schema::StopCause;
 const PERIODS: [f64; 2] = [0.004, 0.001];
 /// Largest speed of the plan, in parts of the joints' limits.
 const SHARE: f64 = 0.4;
-/// Time that the arm is looked at after a fault \[s\]: rest that does not last is none.
+/// Time for which the arm is observed after a fault \[s\]: rest has to last.
 const AFTER_S: f64 = 4.0;
 /// Bounds of the issue: speed in parts of the joint's limit, distance from the plan \[rad\], time until the stop reaction \[s\].
 const MOST_SPEED: f64 = 1.2;

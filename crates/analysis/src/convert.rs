@@ -47,8 +47,9 @@ pub fn convert(
 ) -> Result<Conversion> {
     // Before a long recording is read.
     check_ending(out)?;
-    let is_same = |there: &std::path::PathBuf| recording.canonicalize().is_ok_and(|recording| recording == *there);
-    if out.canonicalize().is_ok_and(|there| is_same(&there)) {
+    if let (Ok(there), Ok(source)) = (out.canonicalize(), recording.canonicalize())
+        && there == source
+    {
         let why = "it is the recording itself, of which columns would be lost; give another name";
         return Err(Fault::Usage(format!("{}: {why}", out.display())).into());
     }

@@ -140,7 +140,7 @@ impl Arm {
     /// The robot cannot be read, or channels are stated without one.
     pub(crate) fn find(listing: &Listing, robot: Option<&Path>, entries: &[String]) -> Result<Arm> {
         if robot.is_none() && !entries.is_empty() {
-            let why = "--map needs the URDF or the robot file beside the recording";
+            let why = "--map needs the URDF or the robot file: give it after the recording";
             return Err(Fault::Usage(why.to_owned()).into());
         }
         let robot = robot.map(|path| robot_of(path, None)).transpose()?;
@@ -158,15 +158,7 @@ impl Arm {
 
     /// How its recordings are read.
     pub(crate) fn options(&self) -> ReadOptions<'_> {
-        match &self.robot {
-            Some(robot) => ReadOptions {
-                joints: self.count,
-                drive_gain: robot.config.drive.drive_gain.as_deref(),
-                torque_from_current: robot.config.log.torque_from_current,
-                joint_zero: Some(&robot.config.log.joint_zero),
-            },
-            None => ReadOptions::new(self.count),
-        }
+        self.robot.as_ref().map_or_else(|| ReadOptions::new(self.count), runs::read_options)
     }
 
     /// Names of the joints, by number where none is known.

@@ -57,17 +57,21 @@ pub(crate) fn recorded_times(robot: &Robot, path: &Path) -> Result<Vec<f64>> {
     Ok(t)
 }
 
+/// What the robot file states of its recordings, without their channels.
+pub(crate) fn read_options(robot: &Robot) -> ReadOptions<'_> {
+    ReadOptions {
+        joints: robot.dof(),
+        drive_gain: robot.config.drive.drive_gain.as_deref(),
+        torque_from_current: robot.config.log.torque_from_current,
+        joint_zero: Some(&robot.config.log.joint_zero),
+    }
+}
+
 /// A recording as it is, with its channels as the robot file and the command line state them.
 fn recorded(robot: &Robot, path: &Path) -> Result<Log> {
     let config = &robot.config;
-    let options = ReadOptions {
-        joints: robot.dof(),
-        drive_gain: config.drive.drive_gain.as_deref(),
-        torque_from_current: config.log.torque_from_current,
-        joint_zero: Some(&config.log.joint_zero),
-    };
     let (names, channels) = (joint_names(robot), map::channels(robot)?);
-    read_as(path, &options, &Naming { joints: &names, map: &channels }).map_err(|why| {
+    read_as(path, &read_options(robot), &Naming { joints: &names, map: &channels }).map_err(|why| {
         let asked = matches!(why.fault, LogFault::NoCurrent { .. });
         let why = anyhow::Error::new(why);
         // What asks for these columns stands in another file.

@@ -290,10 +290,10 @@ mod tests {
             let all = pairs(&robots, &logs, by).expect("pairs");
             all.into_iter().map(|pair| (pair.log_group, pair.logs.len())).collect()
         };
-        let of = |groups: &[(&str, usize)]| groups.iter().map(|(g, n)| ((*g).to_owned(), *n)).collect::<Vec<_>>();
+        let owned = |groups: &[(&str, usize)]| groups.iter().map(|(g, n)| ((*g).to_owned(), *n)).collect::<Vec<_>>();
         assert_eq!(grouped(GroupBy::Log).len(), 5);
-        assert_eq!(grouped(GroupBy::Folder), of(&[("l/c/x", 1), ("l/a/1", 2), ("l/a/2", 1), ("l/b", 1)]));
-        assert_eq!(grouped(GroupBy::Robot), of(&[("l/c/x", 1), ("a", 3), ("b", 1)]));
+        assert_eq!(grouped(GroupBy::Folder), owned(&[("l/c/x", 1), ("l/a/1", 2), ("l/a/2", 1), ("l/b", 1)]));
+        assert_eq!(grouped(GroupBy::Robot), owned(&[("l/c/x", 1), ("a", 3), ("b", 1)]));
     }
 
     #[test]

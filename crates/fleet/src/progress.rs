@@ -79,7 +79,7 @@ mod tests {
 
     #[test]
     fn durations_have_their_two_largest_units() {
-        let of = |s| rounded(Duration::from_secs(s));
-        assert_eq!([of(59), of(61), of(7260), of(90_000)], ["59 s", "1 min 1 s", "2 h 1 min", "1 d 1 h"]);
+        let text = |s| rounded(Duration::from_secs(s));
+        assert_eq!([text(59), text(61), text(7260), text(90_000)], ["59 s", "1 min 1 s", "2 h 1 min", "1 d 1 h"]);
     }
 }

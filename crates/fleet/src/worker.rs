@@ -168,7 +168,7 @@ fn reason(signal: i32) -> &'static str {
     }
 }
 
-/// The processors of this process, shared out: worker `place` of `workers` gets every so manieth, at least one.
+/// The processors of this process, shared out: worker `place` of `workers` gets every `workers`-th, at least one.
 fn processors(place: usize, workers: usize) -> Option<CpuSet> {
     let allowed = sched_getaffinity(None).ok()?;
     let all: Vec<usize> = (0..CpuSet::MAX_CPU).filter(|cpu| allowed.is_set(*cpu)).collect();
@@ -190,7 +190,7 @@ pub(crate) fn limit_to_share(place: usize, workers: usize) {
 mod tests {
     use super::*;
 
-    fn of(raw: i32, text: &str) -> (ErrorKind, String, Option<i64>, String) {
+    fn failed_with(raw: i32, text: &str) -> (ErrorKind, String, Option<i64>, String) {
         let kind_of_exit = |code| if code == 65 { Kind::Data } else { Kind::Other };
         match failed(ExitStatus::from_raw(raw), text, kind_of_exit) {
             Outcome::Failed { kind, error, exit_code, notes } => (kind, error, exit_code, notes),
@@ -201,21 +201,22 @@ mod tests {
     #[test]
     fn a_panic_and_a_signal_are_crashes_with_their_message() {
         let text = "rivet: two rows were left out\n\nthread 'main' panicked at src/x.rs:1:2:\nindex out of bounds\n";
-        let (kind, error, code, notes) = of(101 << 8, text);
+        let (kind, error, code, notes) = failed_with(101 << 8, text);
         assert_eq!((kind, code, notes.as_str()), (ErrorKind::Crash, Some(101), "rivet: two rows were left out"));
         assert!(error.starts_with("thread 'main' panicked") && error.ends_with("index out of bounds"), "{error}");
-        let (kind, error, code, _) = of(9, "");
+        let (kind, error, code, _) = failed_with(9, "");
         assert_eq!((kind, code), (ErrorKind::Crash, None));
         assert!(error.starts_with("ended by signal 9 (SIGKILL"), "{error}");
     }
 
     #[test]
     fn the_last_message_is_the_error_and_the_exit_code_its_kind() {
-        let (kind, error, code, notes) = of(65 << 8, "rivet: a note\nrivet: log.csv: no torque\nlines of it\n");
+        let (kind, error, code, notes) =
+            failed_with(65 << 8, "rivet: a note\nrivet: log.csv: no torque\nlines of it\n");
         assert_eq!((kind, code), (ErrorKind::Data, Some(65)));
         assert_eq!((error.as_str(), notes.as_str()), ("log.csv: no torque\nlines of it", "rivet: a note"));
-        assert_eq!(of(70 << 8, "rivet: why").0, ErrorKind::Other);
-        assert_eq!(of(70 << 8, "").1, "ended with exit code 70");
+        assert_eq!(failed_with(70 << 8, "rivet: why").0, ErrorKind::Other);
+        assert_eq!(failed_with(70 << 8, "").1, "ended with exit code 70");
     }
 
     #[test]

@@ -27,7 +27,7 @@ pub enum LogFault {
         /// What the decoder said.
         why: String,
     },
-    /// A name whose ending is none of the formats that are written.
+    /// A name with the ending of no format that is written.
     #[error("its ending is that of no format that is written; end it with one of {known}")]
     UnknownEnding {
         /// The endings that are known.

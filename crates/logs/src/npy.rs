@@ -113,7 +113,7 @@ impl Header {
     /// Reads a header; what follows are the numbers.
     ///
     /// # Errors
-    /// It is no array, or its header is none that NumPy writes.
+    /// It is no array, or NumPy writes no such header.
     pub(crate) fn read(from: &mut impl Read) -> Result<Header, String> {
         let io = |why: std::io::Error| why.to_string();
         let mut begin = [0_u8; 8];
@@ -133,7 +133,7 @@ impl Header {
         }
         let mut text = vec![0_u8; length as usize];
         from.read_exact(&mut text).map_err(io)?;
-        Header::parse(&String::from_utf8_lossy(&text)).ok_or_else(|| "its header is none of NumPy's".to_owned())
+        Header::parse(&String::from_utf8_lossy(&text)).ok_or_else(|| "NumPy writes no such header".to_owned())
     }
 
     /// Parses `{'descr': '<f8', 'fortran_order': False, 'shape': (3, 2), }`.

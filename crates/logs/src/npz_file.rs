@@ -67,8 +67,9 @@ impl Archive {
         let io = |why| LogFault::Io(why).at(path);
         let file = File::open(path).map_err(io)?;
         let bytes = file.metadata().map_err(io)?.len();
-        let cut_off =
-            |_| LogFault::Format { format: "NPZ", why: "the archive is cut off, or is none".to_owned() }.at(path);
+        let cut_off = |_| {
+            LogFault::Format { format: "NPZ", why: "the archive is cut off, or it is no archive".to_owned() }.at(path)
+        };
         let mut zip = ZipArchive::new(BufReader::new(file)).map_err(cut_off)?;
         let (mut arrays, mut conventions, mut warnings) = (Vec::new(), Conventions::Recorder, Vec::new());
         for index in 0..zip.len().min(MAX_ARRAYS) {
@@ -94,7 +95,7 @@ impl Archive {
             arrays.push(Array { index, name, header, shape: None });
         }
         if zip.len() > MAX_ARRAYS {
-            warnings.push(format!("of its {} arrays {MAX_ARRAYS} are looked at", zip.len()));
+            warnings.push(format!("of its {} arrays the first {MAX_ARRAYS} are read", zip.len()));
         }
         let rows = rows(&arrays);
         for array in &mut arrays {

@@ -126,7 +126,7 @@ impl Block {
         (self.stamps_ns[nearest].abs_diff(stamp_ns) <= FURTHEST_NS).then_some(nearest)
     }
 
-    /// Columns of some rows; a row that is none has no value.
+    /// Columns of some rows; a missing row has no value.
     fn columns(&self, joints: usize, rows: &[Option<usize>], table: &mut Table) {
         let width = self.groups.len() * joints;
         for (g, group) in self.groups.iter().enumerate() {
@@ -318,7 +318,7 @@ mod tests {
     #[test]
     fn a_robot_that_began_anew_keeps_its_setpoints() {
         let mut recording = OwnRecording::default();
-        // The second time number 3 has no setpoint, and that of the first time is none of it.
+        // The second time number 3 has no setpoint, and that of the first time does not count.
         for (k, seq) in (1..=150).chain(1..=50).enumerate() {
             let stamp_ns = 40_000_000 * k as u64;
             if k != 152 {

@@ -31,6 +31,8 @@ pub(crate) struct Plan {
     unmatched: Vec<String>,
     /// Whose conventions the numbers follow.
     conventions: Conventions,
+    /// Whether channels are stated, of a recording in the model's conventions.
+    is_overruled: bool,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -77,6 +79,7 @@ impl Plan {
             Conventions::Recorder => (naming.map, needs_current),
             Conventions::Model => (&nothing, false),
         };
+        let is_overruled = conventions == Conventions::Model && *naming.map != nothing;
         let naming = &Naming { map, ..*naming };
         let has = |name: &str| listing.columns.iter().any(|column| column.name == name);
         let is_position =
@@ -108,7 +111,7 @@ impl Plan {
         {
             notes.insert(0, (TIME, time.column.clone()));
         }
-        Ok(Plan { time, signals, is_contract, notes, unmatched, conventions })
+        Ok(Plan { time, signals, is_contract, notes, unmatched, conventions, is_overruled })
     }
 
     /// Whose conventions the numbers follow.
@@ -146,6 +149,12 @@ impl Plan {
                 "the stated channels of {} are not in this recording; its own columns (t, q1..N, tau1..N) are used as they are",
                 self.unmatched.join(", ")
             ));
+        }
+        if self.is_overruled {
+            notes.push(
+                "rivet wrote it in the model's conventions: what [log] or --map state of channels is not applied"
+                    .to_owned(),
+            );
         }
         let Some(time) = &self.time else {
             // What is missing is reported by who needs it.

@@ -97,7 +97,7 @@ mod tests {
         }
         counter.count(0, Some(3), false);
         counter.count(1, None, true);
-        // The counts themselves are none of a service.
+        // The counts themselves belong to no service.
         counter.count(2, None, true);
         let counts = counter.counts(7, 0);
         let states = counts.of_service("joint-state").expect("counted");

@@ -296,7 +296,7 @@ fn what_a_driver_compensates_wrongly_is_no_effect_of_the_arm() {
 }
 
 /// What leaves a fifth of its weight to one joint and takes a fifth more of another's: a driver whose model of gravity is wrong, or a
-/// counterbalance. A hose at the flange was said to be there.
+/// counterbalance. A hose at the flange was named.
 #[test]
 fn gravity_that_is_not_quite_taken_out_is_no_effect_of_the_arm() {
     let Some(case) = shared("data/practice/case-18") else { return };

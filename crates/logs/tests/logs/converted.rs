@@ -83,6 +83,7 @@ fn what_was_written_in_the_models_conventions_is_not_turned_a_second_time() {
         write_log(&path, &log, &names()).expect("written");
         let found = read_as(&path, &options, &Naming { joints: &names(), map: &map }).expect("read");
         assert_eq!((&found.q, &found.tau, &found.q_des), (&log.q, &log.tau, &log.q_des), "{ending}");
+        assert!(found.notes.iter().any(|note| note.contains("is not applied")), "{ending}: {:?}", found.notes);
     }
     // Another program's file of the same columns is read as the robot file states.
     let columns = log.columns();
