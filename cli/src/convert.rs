@@ -16,9 +16,9 @@ const MOST_LISTED: usize = 8;
 /// Arguments of `rivet convert`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Recording: MCAP, rosbag2 folder, LeRobot folder, Parquet, NPZ or a text table.
+    /// Recording: MCAP, rosbag2 folder, LeRobot folder, Parquet, HDF5, NPZ or a text table.
     recording: PathBuf,
-    /// File to write: .parquet, .csv, .npz or .mcap (ROS 2 joint states).
+    /// File to write: .parquet, .csv, .npz, .h5 or .mcap (ROS 2 joint states).
     out: PathBuf,
     /// URDF or robot file of the arm: joints are matched by name.
     #[arg(value_name = "URDF|ROBOT.toml")]

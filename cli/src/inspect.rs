@@ -16,7 +16,7 @@ const UNUSABLE: u8 = 2;
 /// Arguments of `rivet inspect`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// Recording: MCAP, rosbag2 folder, LeRobot folder, Parquet, NPZ or a text table.
+    /// Recording: MCAP, rosbag2 folder, LeRobot folder, Parquet, HDF5, NPZ or a text table.
     recording: PathBuf,
     /// URDF or robot file of the arm: joints are matched by name, and the readings of the log are compared.
     #[arg(value_name = "URDF|ROBOT.toml")]

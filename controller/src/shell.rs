@@ -144,8 +144,7 @@ pub fn run(options: &Options) -> Result<(), StartError> {
     let (outbound, inbound) = rtrb::RingBuffer::<ControllerHealth>::new(OUTBOUND);
     let pulse = Arc::new(Pulse::default());
     let columns = ["q", "tau", "q_des", "qd_des", "qdd_des", "command"].map(|column| (column, robot.dof()));
-    let zero = &robot.config.log.joint_zero;
-    let flight = options.state.as_deref().map(|folder| Arc::new(Flight::new(folder, name.as_str(), &columns, zero)));
+    let flight = options.state.as_deref().map(|folder| Arc::new(Flight::new(folder, name.as_str(), &columns)));
     rivet_service::abort_on_panic(flight.clone());
     let service = service_thread::start(&config, &name, inbound, flight.clone(), &pulse, hangup, &shutdown)?;
     let granted = rivet_realtime::enter(&realtime(&robot, options));

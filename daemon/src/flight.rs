@@ -28,7 +28,7 @@ pub(crate) fn flight(folder: &Path, robot: &Robot) -> Flight {
         ("residual_rms", n),
         ("parameter", robot.base.len().min(MAX_PARAMETERS)),
     ];
-    Flight::new(folder, &format!("{}.rivetd", robot.config.name), &columns, &robot.config.log.joint_zero)
+    Flight::new(folder, &format!("{}.rivetd", robot.config.name), &columns)
 }
 
 /// The loop's side of the record.

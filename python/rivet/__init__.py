@@ -161,7 +161,7 @@ def inspect(
     """Shows what a recording holds and how it would be read, as `rivet inspect` does.
 
     Args:
-        recording: MCAP, rosbag2 folder, LeRobot folder, Parquet, NPZ or text table; or arrays.
+        recording: MCAP, rosbag2 folder, LeRobot folder, Parquet, HDF5, NPZ or text table; or arrays.
         robot: URDF or robot file: joints are matched by name, and the readings of the log are compared.
         map: Channels of the log, as of `identify`.
         progress: Called with what is done and its share, 0 to 1.

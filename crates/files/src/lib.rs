@@ -23,6 +23,10 @@ use std::io::{self, Read as _, Write as _};
 use std::path::{Path, PathBuf};
 pub use sweep::sweep;
 
+/// What files with measured or simulated numbers state about them: an array of text, an attribute, or a comment of a text table.
+/// Whoever reads such a file does not apply the signs, scales and zeros of a robot file.
+pub const CONVENTIONS_OF_THE_MODEL: &str = "SI units, signs and zeros of the model";
+
 /// Writes `bytes` to `path`, so that a file there is whole or as it was. A pipe or a device is written in place.
 ///
 /// # Errors

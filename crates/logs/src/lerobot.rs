@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 
 use crate::columns::{Table, Wanted};
+use crate::episodes;
 use crate::error::{LogError, LogFault};
 use crate::listing::Listing;
 use crate::parquet_file;
@@ -18,7 +19,7 @@ const MAX_FILES: usize = 100_000;
 /// Time within an episode, and its number.
 const TIMESTAMP: &str = "timestamp";
 const EPISODE: &str = "episode_index";
-/// Time between two episodes that are read as one log \[s\]: a hole, across which nothing is interpolated.
+/// Time between two episodes that are read as one log \[s\].
 const BETWEEN_EPISODES_S: f64 = 10.0;
 
 /// What a data set holds.
@@ -62,27 +63,14 @@ pub(crate) fn read(path: &Path, wanted: Wanted<'_>) -> Result<Table, LogError> {
         all.columns.remove(EPISODE);
     }
     if let Some(t) = all.columns.get_mut(TIMESTAMP).filter(|t| t.len() == episodes.len()) {
-        let count = one_after_the_other(t, &episodes);
-        if count > 1 {
-            all.warnings.push(format!(
-                "{count} episodes are read as one log, {BETWEEN_EPISODES_S} s apart; nothing is interpolated between them"
-            ));
+        let is_start = |row: &usize| *row == 0 || episodes[*row] != episodes[*row - 1];
+        let starts: Vec<usize> = (0..episodes.len()).filter(is_start).collect();
+        episodes::one_after_the_other(t, &starts, BETWEEN_EPISODES_S);
+        if starts.len() > 1 {
+            all.warnings.push(episodes::note(starts.len(), &format!("{BETWEEN_EPISODES_S} s")));
         }
     }
     Ok(all)
-}
-
-/// Lets the time of each episode follow that of the one before; returns their number.
-fn one_after_the_other(t: &mut [f64], episodes: &[f64]) -> usize {
-    let (mut count, mut shift) = (usize::from(!t.is_empty()), 0.0);
-    for row in 1..t.len() {
-        if episodes[row] != episodes[row - 1] {
-            count += 1;
-            shift = t[row - 1] + BETWEEN_EPISODES_S - t[row];
-        }
-        t[row] += shift;
-    }
-    count
 }
 
 struct DataSet {
@@ -141,17 +129,4 @@ fn collect(folder: &Path, depth: usize, files: &mut Vec<PathBuf>) -> std::io::Re
         }
     }
     Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn episodes_follow_one_another() {
-        let mut t = [0.0, 0.1, 0.2, 0.0, 0.1, 0.0];
-        assert_eq!(one_after_the_other(&mut t, &[0.0, 0.0, 0.0, 1.0, 1.0, 2.0]), 3);
-        let expected = [0.0, 0.1, 0.2, 10.2, 10.3, 20.3];
-        assert!(t.iter().zip(expected).all(|(t, e)| (t - e).abs() < 1e-12), "{t:?}");
-    }
 }

@@ -30,6 +30,7 @@
 //! # Ok::<(), rivet_logs::LogError>(())
 //! ```
 
+mod arrays;
 mod channel_map;
 mod clock;
 mod columns;
@@ -37,19 +38,23 @@ mod crowded;
 mod csv_dialect;
 mod csv_file;
 mod damaged;
+mod episodes;
 mod error;
 mod families;
 mod frozen;
 mod guess;
+mod hdf5_file;
 mod holds;
 mod joint_state;
 mod lerobot;
 mod listing;
 mod log;
+mod lzf;
 mod mcap_file;
 mod messages;
 mod npy;
 mod npz_file;
+mod numbers;
 mod overlap;
 mod own_recording;
 mod parquet_file;

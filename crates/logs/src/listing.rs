@@ -1,5 +1,7 @@
 //! What a recording holds, before its columns are read.
 
+use rivet_files::CONVENTIONS_OF_THE_MODEL;
+
 /// A topic of a recording, or the one table of a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Topic {
@@ -28,8 +30,8 @@ pub struct Column {
     pub is_integer: bool,
 }
 
-/// How files of rivet state [`Conventions::Model`]: in the key of a Parquet file, a comment of a text table, the library of MCAP.
-pub(crate) const CONVENTIONS_OF_THE_MODEL: &str = "SI units, signs and zeros of the model";
+/// Name of the array of text or attribute that states whose conventions the numbers follow.
+pub(crate) const CONVENTIONS: &str = "conventions";
 
 /// Whose conventions the numbers of a recording follow.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

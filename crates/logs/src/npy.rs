@@ -2,6 +2,8 @@
 
 use std::io::{Read, Write};
 
+use crate::numbers::Kind;
+
 /// First bytes of an array.
 const MAGIC: &[u8; 6] = b"\x93NUMPY";
 /// Longest header \[bytes\].
@@ -11,91 +13,31 @@ const MAX_DIMENSIONS: usize = 32;
 /// The numbers begin at a multiple of this many bytes.
 const ALIGNMENT: usize = 64;
 
-/// A type of numbers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Kind {
-    class: Class,
-    bytes: usize,
-    is_big_endian: bool,
-    /// Unit of a time, which its type states.
-    unit: Option<&'static str>,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Class {
-    Float,
-    Signed,
-    Unsigned,
-}
-
-impl Kind {
-    /// The type of a description such as `<f8` or `<M8[ns]`; none of text, objects and structures.
-    fn of(description: &str) -> Option<Kind> {
-        let (order, rest) = description.split_at_checked(1)?;
-        let (class, size) = rest.split_at_checked(1)?;
-        let (class, size, unit) = match (class, size.split_once('[')) {
-            ("M" | "m", Some((size, unit))) => {
-                let unit = unit.strip_suffix(']')?;
-                ("i", size, Some(["s", "ms", "us", "ns"].into_iter().find(|known| *known == unit)?))
-            }
-            _ => (class, size, None),
-        };
-        let bytes: usize = size.parse().ok()?;
-        let class = match (class, bytes) {
-            ("f", 4 | 8) => Class::Float,
-            ("i", 1 | 2 | 4 | 8) => Class::Signed,
-            ("u", 1 | 2 | 4 | 8) | ("b", 1) => Class::Unsigned,
-            _ => return None,
-        };
-        let is_big_endian = match order {
-            "<" | "|" | "=" => false,
-            ">" => true,
-            _ => return None,
-        };
-        Some(Kind { class, bytes, is_big_endian, unit })
-    }
-
-    /// Bytes of a number.
-    pub(crate) fn bytes(self) -> usize {
-        self.bytes
-    }
-
-    /// The bits of a number, in the lowest bytes.
-    fn bits(self, bytes: &[u8]) -> u64 {
-        let fold = |bits: u64, byte: &u8| bits << 8 | u64::from(*byte);
-        if self.is_big_endian { bytes.iter().fold(0, fold) } else { bytes.iter().rev().fold(0, fold) }
-    }
-
-    /// Unit of a time, which its type states.
-    pub(crate) fn unit(self) -> Option<&'static str> {
-        self.unit
-    }
-
-    /// Whether its numbers are integers.
-    pub(crate) fn is_integer(self) -> bool {
-        self.class != Class::Float
-    }
-
-    /// The integer; none of a type with decimals, or beyond 63 bits.
-    pub(crate) fn integer(self, bytes: &[u8]) -> Option<i64> {
-        let bits = self.bits(bytes);
-        let unused = u32::try_from(64 - 8 * self.bytes).ok()?;
-        match self.class {
-            Class::Float => None,
-            Class::Signed => Some((bits << unused).cast_signed() >> unused),
-            Class::Unsigned => i64::try_from(bits).ok(),
+/// The type of a description such as `<f8` or `<M8[ns]`; none of text, objects and structures.
+fn kind_of(description: &str) -> Option<Kind> {
+    let (order, rest) = description.split_at_checked(1)?;
+    let (class, size) = rest.split_at_checked(1)?;
+    let (class, size, unit) = match (class, size.split_once('[')) {
+        ("M" | "m", Some((size, unit))) => {
+            let unit = unit.strip_suffix(']')?;
+            ("i", size, Some(["s", "ms", "us", "ns"].into_iter().find(|known| *known == unit)?))
         }
-    }
-
-    /// The number.
-    pub(crate) fn value(self, bytes: &[u8]) -> f64 {
-        let bits = self.bits(bytes);
-        match (self.class, self.bytes) {
-            (Class::Float, 4) => f64::from(f32::from_bits(bits as u32)),
-            (Class::Float, _) => f64::from_bits(bits),
-            _ => self.integer(bytes).map_or(bits as f64, |integer| integer as f64),
-        }
-    }
+        _ => (class, size, None),
+    };
+    let bytes: usize = size.parse().ok()?;
+    let is_big_endian = match order {
+        "<" | "|" | "=" => false,
+        ">" => true,
+        _ => return None,
+    };
+    let kind = match class {
+        "f" => Kind::float(bytes, is_big_endian),
+        "i" => Kind::integer_of(bytes, true, is_big_endian),
+        "u" => Kind::integer_of(bytes, false, is_big_endian),
+        "b" if bytes == 1 => Kind::integer_of(bytes, false, is_big_endian),
+        _ => None,
+    };
+    Some(kind?.with_unit(unit))
 }
 
 /// What stands before the numbers of an array.
@@ -144,7 +86,7 @@ impl Header {
         };
         let description = value("descr")?;
         // A structure is a list of descriptions.
-        let kind = description.strip_prefix('\'').and_then(|rest| Kind::of(rest.split('\'').next()?));
+        let kind = description.strip_prefix('\'').and_then(|rest| kind_of(rest.split('\'').next()?));
         let order = value("fortran_order")?;
         let is_fortran = order.starts_with("True");
         if !is_fortran && !order.starts_with("False") {
@@ -209,17 +151,17 @@ mod tests {
 
     #[test]
     fn numbers_of_every_type_are_read() {
-        let value = |descr: &str, bytes: &[u8]| Kind::of(descr).expect("numbers").value(bytes);
+        let value = |descr: &str, bytes: &[u8]| kind_of(descr).expect("numbers").value(bytes);
         assert_eq!(value("<f8", &(-1.25_f64).to_le_bytes()), -1.25);
         assert_eq!(value(">f4", &2.5_f32.to_be_bytes()), 2.5);
         assert_eq!(value("<i2", &(-3_i16).to_le_bytes()), -3.0);
         assert_eq!(value(">i8", &(-9_i64).to_be_bytes()), -9.0);
         assert_eq!(value("<M8[us]", &7_i64.to_le_bytes()), 7.0);
-        assert_eq!(Kind::of("<M8[us]").and_then(Kind::unit), Some("us"));
+        assert_eq!(kind_of("<M8[us]").and_then(Kind::unit), Some("us"));
         assert_eq!(value("|u1", &[200]), 200.0);
         assert_eq!(value("|b1", &[1]), 1.0);
         assert_eq!(value("<u8", &u64::MAX.to_le_bytes()), u64::MAX as f64);
-        assert_eq!(Kind::of("<i8").expect("numbers").integer(&i64::MIN.to_le_bytes()), Some(i64::MIN));
+        assert_eq!(kind_of("<i8").expect("numbers").integer(&i64::MIN.to_le_bytes()), Some(i64::MIN));
     }
 
     #[test]
@@ -228,7 +170,7 @@ mod tests {
         Header::write_floats(&mut bytes, &[5, 2]).expect("written");
         assert_eq!(bytes.len() % ALIGNMENT, 0);
         let header = Header::read(&mut &bytes[..]).expect("read");
-        assert_eq!((header.kind, header.is_fortran, header.shape), (Kind::of("<f8"), false, vec![5, 2]));
+        assert_eq!((header.kind, header.is_fortran, header.shape), (kind_of("<f8"), false, vec![5, 2]));
         assert!((0..bytes.len()).all(|end| Header::read(&mut &bytes[..end]).is_err()));
     }
 }

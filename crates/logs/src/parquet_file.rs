@@ -22,10 +22,11 @@ use parquet::file::serialized_reader::SerializedPageReader;
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::types::{ColumnDescPtr, Type};
 use rayon::prelude::*;
+use rivet_files::CONVENTIONS_OF_THE_MODEL;
 
 use crate::columns::{EXACT, Table, Wanted};
 use crate::error::{LogError, LogFault};
-use crate::listing::{CONVENTIONS_OF_THE_MODEL, Column, Conventions, Listing, Topic};
+use crate::listing::{Column, Conventions, Listing, Topic};
 use crate::parquet_limits;
 
 /// Most entries of a list.

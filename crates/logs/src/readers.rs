@@ -7,7 +7,7 @@ use std::path::Path;
 use crate::columns::{Table, Wanted};
 use crate::error::{LogError, LogFault};
 use crate::listing::Listing;
-use crate::{csv_file, lerobot, mcap_file, npz_file, parquet_file, rosbag2};
+use crate::{csv_file, hdf5_file, lerobot, mcap_file, npz_file, parquet_file, rosbag2};
 
 /// What decides which reader takes a path.
 pub(crate) struct Head<'a> {
@@ -32,7 +32,7 @@ pub(crate) struct Reader {
 const PARQUET_MAGIC: &[u8] = b"PAR1";
 
 /// Every format, in the order in which they are tried. Text is the last: it has no magic.
-const READERS: [Reader; 6] = [
+const READERS: [Reader; 7] = [
     Reader {
         name: "rosbag2",
         is_format: |head| head.is_folder && head.path.join(rosbag2::METADATA).is_file(),
@@ -62,6 +62,12 @@ const READERS: [Reader; 6] = [
         is_format: |head| head.bytes.starts_with(npz_file::MAGIC),
         list: npz_file::list,
         read: npz_file::read,
+    },
+    Reader {
+        name: "HDF5",
+        is_format: |head| [hdf5_file::MAGIC, hdf5_file::MATLAB_MAGIC].iter().any(|magic| head.bytes.starts_with(magic)),
+        list: hdf5_file::list,
+        read: hdf5_file::read,
     },
     Reader {
         name: "CSV",

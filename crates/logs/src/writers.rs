@@ -6,16 +6,17 @@ use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
+use hdf5_writer::{AttributeBuilder, DatasetBuilder, Hdf5Builder, Hdf5WritePlan, Hdf5Writer};
 use mcap::records::MessageHeader;
 use mcap::{Compression, McapError, WriteOptions};
+use rivet_files::CONVENTIONS_OF_THE_MODEL;
 
 use crate::columns::Group;
 use crate::error::{LogError, LogFault};
 use crate::joint_state::{DEFINITION, TYPES, encode};
-use crate::listing::CONVENTIONS_OF_THE_MODEL;
+use crate::listing::CONVENTIONS;
 use crate::log::{Log, Signals};
 use crate::npy::Header;
-use crate::npz_file::CONVENTIONS;
 use crate::parquet_file::write_model_columns;
 
 /// A format that can be written.
@@ -27,10 +28,11 @@ struct Writer {
     write: fn(&Path, &Log, &[String]) -> Result<(), LogError>,
 }
 
-const WRITERS: [Writer; 4] = [
+const WRITERS: [Writer; 5] = [
     Writer { extension: "parquet", left_out: &[], write: write_parquet },
     Writer { extension: "csv", left_out: &[], write: write_csv },
     Writer { extension: "npz", left_out: &[], write: write_npz },
+    Writer { extension: "h5", left_out: &[], write: write_hdf5 },
     Writer {
         extension: "mcap",
         left_out: &[Group::Current, Group::Temperature, Group::LinkPosition, Group::DesiredAcceleration],
@@ -126,19 +128,50 @@ fn write_csv(path: &Path, log: &Log, _joints: &[String]) -> Result<(), LogError>
     rivet_files::fill_whole(path, write).map_err(|why| LogFault::Io(why).at(path))
 }
 
-/// Arrays `t`, and `q`, `tau` and others with a row a sample; without compression, as `numpy.savez`.
-fn write_npz(path: &Path, log: &Log, _joints: &[String]) -> Result<(), LogError> {
+/// Signals of a log by the prefix of their names; a joint without one has NaN.
+fn tables<'a>(log: &'a Log, nothing: &'a [f64]) -> Vec<(&'static str, Vec<&'a [f64]>)> {
     let columns = log.columns();
-    let mut arrays: Vec<(&str, Vec<&[f64]>)> = Vec::new();
-    let nothing = vec![f64::NAN; log.len()];
-    for group in Group::ALL {
+    let table = |group: Group| {
         let column =
             |joint: usize| columns.iter().find(|(name, _)| *name == group.column(joint)).map(|(_, values)| *values);
         let found: Vec<Option<&[f64]>> = (0..log.joints()).map(column).collect();
-        if found.iter().any(Option::is_some) {
-            arrays.push((group.prefix(), found.into_iter().map(|values| values.unwrap_or(&nothing)).collect()));
+        let is_there = found.iter().any(Option::is_some);
+        is_there.then(|| (group.prefix(), found.into_iter().map(|values| values.unwrap_or(nothing)).collect()))
+    };
+    Group::ALL.into_iter().filter_map(table).collect()
+}
+
+/// Data sets `t`, and `q`, `tau` and others with a row a sample, as of `h5py`.
+fn write_hdf5(path: &Path, log: &Log, _joints: &[String]) -> Result<(), LogError> {
+    let nothing = vec![f64::NAN; log.len()];
+    let plan = || -> Result<Hdf5WritePlan, hdf5_writer::Error> {
+        let rows = log.len() as u64;
+        let mut file = Hdf5Builder::new()
+            .attribute(AttributeBuilder::fixed_string(CONVENTIONS, CONVENTIONS_OF_THE_MODEL))
+            .dataset(DatasetBuilder::typed_data("t", vec![rows], &log.t)?);
+        for (name, signals) in tables(log, &nothing) {
+            let values: Vec<f64> =
+                (0..log.len()).flat_map(|row| signals.iter().map(move |signal| signal[row])).collect();
+            file = file.dataset(DatasetBuilder::typed_data(name, vec![rows, signals.len() as u64], &values)?);
         }
-    }
+        file.into_plan()
+    };
+    let fault = |why: hdf5_writer::Error| LogFault::Format { format: "HDF5", why: why.to_string() }.at(path);
+    let plan = plan().map_err(fault)?;
+    let write = |file: &mut File| -> Result<(), Hdf5Fault> {
+        let writer = Hdf5Writer::new(BufWriter::new(file), hdf5_writer::WriteOptions::default());
+        Ok(writer.finish(plan)?.flush()?)
+    };
+    rivet_files::fill_whole(path, write).map_err(|Hdf5Fault(why)| match why {
+        hdf5_writer::Error::Io(why) => LogFault::Io(why).at(path),
+        why => fault(why),
+    })
+}
+
+/// Arrays `t`, and `q`, `tau` and others with a row a sample; without compression, as `numpy.savez`.
+fn write_npz(path: &Path, log: &Log, _joints: &[String]) -> Result<(), LogError> {
+    let nothing = vec![f64::NAN; log.len()];
+    let arrays = tables(log, &nothing);
     let write = |file: &mut File| -> std::io::Result<()> {
         let mut zip = zip::ZipWriter::new(BufWriter::new(file));
         // Of every time the same file is made.
@@ -217,6 +250,21 @@ fn origin_s(log: &Log) -> f64 {
     let (first, last) = log.t.first().zip(log.t.last()).map_or((0.0, 0.0), |(first, last)| (*first, *last));
     // A stamp of 0 is one that was not set.
     if first >= 1.0 && last < f64::from(i32::MAX) { 0.0 } else { first - 1.0 }
+}
+
+/// What ends the writing of an HDF5 file.
+struct Hdf5Fault(hdf5_writer::Error);
+
+impl From<hdf5_writer::Error> for Hdf5Fault {
+    fn from(why: hdf5_writer::Error) -> Hdf5Fault {
+        Hdf5Fault(why)
+    }
+}
+
+impl From<std::io::Error> for Hdf5Fault {
+    fn from(why: std::io::Error) -> Hdf5Fault {
+        Hdf5Fault(hdf5_writer::Error::Io(why))
+    }
 }
 
 /// What ends the writing of an MCAP file.

@@ -1,7 +1,7 @@
 //! The flight recorder: what was measured and made of it in the last second, written by the real-time thread, kept as a log by
 //! another one when something has gone wrong.
 
-use rivet_files::Draft;
+use rivet_files::{CONVENTIONS_OF_THE_MODEL, Draft};
 use rivet_realtime::RecentRows;
 use std::fmt::Write as _;
 use std::fs;
@@ -25,9 +25,6 @@ const BURST: Duration = Duration::from_secs(60);
 
 /// A panic waits this long for the record at most.
 const PATIENCE: Duration = Duration::from_millis(500);
-
-/// Columns that are positions: records have them in the zero of logs, so that who reads a record as a log finds those of the bus.
-const POSITIONS: [&str; 2] = ["q", "q_des"];
 
 /// Words of a row that are integers: stamp \[ns\], sequence number, fault bits.
 const INTEGERS: usize = 3;
@@ -70,7 +67,6 @@ pub struct Flight {
     rows: RecentRows,
     header: String,
     /// What is taken off each number.
-    zero: Vec<f64>,
     folder: PathBuf,
     /// What the files are called before their number.
     name: String,
@@ -104,15 +100,11 @@ impl Burst {
 
 impl Flight {
     /// Records go to `folder` and are called `name`. `columns`: what a row has after time, sequence number and fault bits, each
-    /// with how many there are of it; one is called as it is, several are numbered from 1. `joint_zero`: what is added to the positions of
-    /// logs to reach those of the bus \[rad\].
+    /// with how many there are of it; one is called as it is, several are numbered from 1. Numbers are those of the bus; the record states this.
     #[must_use]
-    pub fn new(folder: &Path, name: &str, columns: &[(&str, usize)], joint_zero: &[f64]) -> Flight {
-        let mut header = String::from("t,seq,faults");
-        let mut zero = Vec::new();
+    pub fn new(folder: &Path, name: &str, columns: &[(&str, usize)]) -> Flight {
+        let mut header = format!("# rivet: {CONVENTIONS_OF_THE_MODEL}\nt,seq,faults");
         for &(column, count) in columns {
-            let of_logs = if POSITIONS.contains(&column) { joint_zero } else { &[] };
-            zero.extend((0..count).map(|j| of_logs.get(j).copied().unwrap_or(0.0)));
             for j in 1..=count {
                 let number = if count == 1 { String::new() } else { j.to_string() };
                 let _ = write!(header, ",{column}{number}");
@@ -122,7 +114,6 @@ impl Flight {
         Flight {
             rows: RecentRows::new(ROOM * RECORDED, INTEGERS + width),
             header,
-            zero,
             folder: folder.to_owned(),
             name: name.to_owned(),
             asked: AtomicU32::new(0),
@@ -225,8 +216,8 @@ impl Flight {
             let (integers, numbers) = row.split_at(INTEGERS);
             let t = integers[0].saturating_sub(first) as f64 * 1e-9;
             let _ = write!(text, "{t:.9},{},{}", integers[1], integers[2]);
-            for (bits, zero) in numbers.iter().zip(&self.zero) {
-                let _ = write!(text, ",{}", f64::from_bits(*bits) - zero);
+            for bits in numbers {
+                let _ = write!(text, ",{}", f64::from_bits(*bits));
             }
             text.push('\n');
         }
@@ -264,7 +255,7 @@ mod tests {
     fn processes_that_die_again_and_again_leave_the_first_and_the_newest_record() {
         let folder = tempfile::tempdir().expect("a folder");
         let record = |seq: u64, name: &str| {
-            let flight = Flight::new(folder.path(), "arm", &[("q", 2)], &[]);
+            let flight = Flight::new(folder.path(), "arm", &[("q", 2)]);
             flight.push(0, seq, 0, [0.0; 2]);
             flight.write(name).expect("written")
         };
@@ -279,7 +270,7 @@ mod tests {
         };
         assert_eq!([0, 1, 2].map(seq), [Some(9), Some(1), None]);
         // A stop before the first sample leaves none.
-        let idle = Flight::new(folder.path(), "idle", &[("q", 2)], &[]);
+        let idle = Flight::new(folder.path(), "idle", &[("q", 2)]);
         idle.ask(Reason::Stop);
         idle.serve();
         assert!(!folder.path().join("idle-stop.0.flight.csv").exists());
@@ -293,7 +284,7 @@ mod tests {
     #[test]
     fn the_first_and_the_newest_record_of_a_burst_stay_and_push_out_nothing() {
         let folder = tempfile::tempdir().expect("a folder");
-        let flight = Flight::new(folder.path(), "arm", &[("q", 2)], &[]);
+        let flight = Flight::new(folder.path(), "arm", &[("q", 2)]);
         let begin = Instant::now();
         let stop = |second: u64| {
             flight.push(0, second, 0, [0.0; 2]);
@@ -314,7 +305,7 @@ mod tests {
     #[test]
     fn of_many_stops_far_apart_the_newest_stay_and_names_do_not_mix() {
         let folder = tempfile::tempdir().expect("a folder");
-        let flight = Flight::new(folder.path(), "arm", &[("q", 2)], &[]);
+        let flight = Flight::new(folder.path(), "arm", &[("q", 2)]);
         let begin = Instant::now();
         for stop in 1..=20 {
             flight.write_at("arm", begin + Duration::from_secs(100 * stop)).expect("written");
@@ -327,21 +318,11 @@ mod tests {
     #[test]
     fn a_record_that_cannot_take_its_place_leaves_nothing_behind() {
         let folder = tempfile::tempdir().expect("a folder");
-        let flight = Flight::new(folder.path(), "arm", &[("q", 2)], &[]);
+        let flight = Flight::new(folder.path(), "arm", &[("q", 2)]);
         let path = |number: usize| folder.path().join(format!("arm.{number}.flight.csv"));
         fs::create_dir_all(path(FILES - 1).join("in the way")).expect("a folder");
         fs::write(path(FILES - 2), "old").expect("written");
         assert!(flight.write_at("arm", Instant::now()).is_err());
         assert_eq!(fs::read_dir(folder.path()).expect("readable").count(), 2, "the folder and the old record");
-    }
-
-    /// Who reads a record as a log adds the zero of logs to its positions, and to nothing else.
-    #[test]
-    fn positions_are_in_the_zero_of_logs() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let flight = Flight::new(folder.path(), "arm", &[("q", 2), ("tau", 2), ("q_des", 2)], &[0.25, -1.5]);
-        flight.push(0, 1, 0, [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
-        let text = fs::read_to_string(flight.write("arm-stop").expect("written")).expect("there");
-        assert_eq!(text, "t,seq,faults,q1,q2,tau1,tau2,q_des1,q_des2\n0.000000000,1,0,0.75,3.5,3,4,4.75,7.5\n");
     }
 }

@@ -19,7 +19,7 @@ impl Drop for Witness {
 }
 
 fn flight(folder: &std::path::Path) -> Flight {
-    Flight::new(folder, "arm.service", &[("q", 2), ("tau", 2), ("state", 1)], &[])
+    Flight::new(folder, "arm.service", &[("q", 2), ("tau", 2), ("state", 1)])
 }
 
 /// Not a test: the process that panics. `RIVET_TEST_FLIGHT` says where; with `deaf` in its name nobody serves the record.
@@ -64,9 +64,10 @@ fn the_other_thread_writes_the_record_and_the_process_aborts() {
     assert!(!folder.path().join("unwound").exists());
     let record = std::fs::read_to_string(folder.path().join("arm.service-panic.0.flight.csv")).expect("written");
     let lines: Vec<&str> = record.lines().collect();
-    assert_eq!(lines[0], "t,seq,faults,q1,q2,tau1,tau2,state");
-    assert_eq!(lines.len(), 1001, "the last thousand samples");
-    assert_eq!(lines[1], "0.000000000,501,0,501,-501,5010,0.5,1");
+    assert_eq!(lines[0], "# rivet: SI units, signs and zeros of the model");
+    assert_eq!(lines[1], "t,seq,faults,q1,q2,tau1,tau2,state");
+    assert_eq!(lines.len(), 1002, "the last thousand samples");
+    assert_eq!(lines[2], "0.000000000,501,0,501,-501,5010,0.5,1");
     assert_eq!(*lines.last().expect("there is one"), "0.999000000,1500,0,1500,-1500,15000,0.5,1");
 }
 
@@ -95,7 +96,7 @@ fn of_a_burst_of_faults_the_first_and_the_newest_record_are_kept() {
     flight.ask(Reason::Stop);
     flight.serve();
     let rows = |name: &str| {
-        std::fs::read_to_string(folder.path().join(name)).map(|text| text.lines().count() - 1).map_err(|why| why.kind())
+        std::fs::read_to_string(folder.path().join(name)).map(|text| text.lines().count() - 2).map_err(|why| why.kind())
     };
     let faults: Vec<_> = (0..5).map(|k| rows(&format!("arm.service-fault.{k}.flight.csv"))).collect();
     let none = Err(std::io::ErrorKind::NotFound);

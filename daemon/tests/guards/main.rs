@@ -73,7 +73,7 @@ impl Bench {
         let (commands, requests) = rtrb::RingBuffer::new(16);
         let progress = Arc::new(Progress::default());
         let folder = tempfile::tempdir().expect("a folder");
-        let flight = Some(Arc::new(Flight::new(folder.path(), "guards", &[("q", 6), ("tau", 6), ("rest", 100)], &[])));
+        let flight = Some(Arc::new(Flight::new(folder.path(), "guards", &[("q", 6), ("tau", 6), ("rest", 100)])));
         let channels =
             Channels { outbound: producer, commands: requests, reload: Incoming::none(), snapshots, progress, flight };
         let turning = RealTimeLoop::open(core, &settings, private.config(), &name, channels);

@@ -49,7 +49,7 @@ fn assert_equal(found: &Log, written: &Log, what: &str) {
 #[test]
 fn tables_keep_every_signal_to_the_bit_and_mcap_names_what_it_cannot_hold() {
     let (log, folder) = (full(), tempfile::tempdir().expect("a folder"));
-    for ending in ["parquet", "csv", "npz"] {
+    for ending in ["parquet", "csv", "npz", "h5"] {
         let path = folder.path().join("log").with_extension(ending);
         assert!(write_log(&path, &log, &names()).expect("written").is_empty());
         let found = read(&path, &ReadOptions::new(2)).expect("read");
@@ -78,7 +78,7 @@ fn what_was_written_in_the_models_conventions_is_not_turned_a_second_time() {
         drive_gain: Some(&[9.0, 9.0]),
         joints: 2,
     };
-    for ending in ["parquet", "csv", "npz", "mcap"] {
+    for ending in ["parquet", "csv", "npz", "h5", "mcap"] {
         let path = folder.path().join("log").with_extension(ending);
         write_log(&path, &log, &names()).expect("written");
         let found = read_as(&path, &options, &Naming { joints: &names(), map: &map }).expect("read");
@@ -95,9 +95,9 @@ fn what_was_written_in_the_models_conventions_is_not_turned_a_second_time() {
 
 #[test]
 fn an_unknown_ending_is_refused_with_those_that_are_known() {
-    for name in ["log", "log.h5", "log.bag"] {
+    for name in ["log", "log.txt", "log.bag"] {
         let why = write_log(Path::new(name), &full(), &names()).expect_err("refused").to_string();
-        assert!(why.contains(name) && why.contains(".parquet, .csv, .npz, .mcap"), "{why}");
+        assert!(why.contains(name) && why.contains(".parquet, .csv, .npz, .h5, .mcap"), "{why}");
         assert!(check_ending(Path::new(name)).is_err());
     }
 }
@@ -121,7 +121,7 @@ fn every_measured_run_survives_each_format() {
         found += 1;
         let names = joints().into_iter().chain(["eighth".to_owned()]).take(log.joints()).collect::<Vec<_>>();
         let folder = tempfile::tempdir().expect("a folder");
-        for ending in ["parquet", "csv", "npz", "mcap"] {
+        for ending in ["parquet", "csv", "npz", "h5", "mcap"] {
             let to = folder.path().join("run").with_extension(ending);
             write_log(&to, &log, &names).expect("written");
             let naming = Naming { joints: &names, map: &ChannelMap::default() };

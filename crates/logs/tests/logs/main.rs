@@ -3,6 +3,7 @@
 
 mod arrays;
 mod converted;
+mod data_sets;
 mod formats;
 mod mapping;
 mod other_writers;

@@ -70,6 +70,41 @@ np.savez(folder + '/big.npz', time_ns=t.astype('>i8'), q=q.astype('>f8'), tau=ta
     }
 }
 
+#[test]
+fn data_sets_of_h5py_are_read() {
+    let order = format!("order = [names.index(name) for name in {:?}]", joints());
+    let script = r"
+import h5py, numpy as np
+t = np.array([r[0] for r in rows], dtype=np.int64)
+q, tau = np.array([r[1] for r in rows]), np.array([r[2] for r in rows])
+q, tau = q[:, order], tau[:, order]
+packings = [dict(), dict(compression='gzip', shuffle=True), dict(compression='lzf'), dict(fletcher32=True, maxshape=(None, None))]
+for lib in ['earliest', 'latest']:
+    for k, packing in enumerate(packings):
+        with h5py.File(f'{folder}/{lib}{k}.h5', 'w', libver=lib) as f:
+            f['observations/time_ns'] = t
+            f.create_dataset('observations/q', data=q.astype('>f8'), chunks=(100, 3) if packing else None, **packing)
+            f.create_dataset('observations/tau', data=tau, chunks=(64, 7) if packing else None, **packing)
+            f.create_dataset('images/wrist', data=np.zeros((4, 8, 8, 3), 'u1'), compression='gzip')
+            f['names'] = np.array(names, dtype=h5py.string_dtype())
+            f['scalar'], f['soft'] = 3.0, h5py.SoftLink('/observations/q')
+            f['outside'] = h5py.ExternalLink('elsewhere.h5', '/q')
+table = np.zeros(len(t), np.dtype([('time_ns', 'i8'), ('q', 'f8', (7,)), ('flag', '?'), ('tau', '>f8', (7,))]))
+table['time_ns'], table['q'], table['tau'] = t, q, tau
+with h5py.File(folder + '/structure.h5', 'w') as f:
+    f['log'] = table
+with h5py.File(folder + '/turned.h5', 'w', userblock_size=512) as f:
+    f['time_ns'], f['q'], f['tau'] = t.reshape(1, -1), q.T, tau.T
+with open(folder + '/turned.h5', 'r+b') as f:
+    f.write(b'MATLAB 7.3 MAT-file')
+";
+    let Some((folder, measured)) = written_by(&["numpy", "h5py"], &format!("{order}{script}")) else { return };
+    let packed = ["earliest", "latest"].into_iter().flat_map(|lib| (0..4).map(move |k| format!("{lib}{k}")));
+    for name in packed.chain(["structure".to_owned(), "turned".to_owned()]) {
+        check(&name, &folder.path().join(&name).with_extension("h5"), &measured);
+    }
+}
+
 /// What rivet writes, read by other programs: their numbers are the measured ones, to the bit.
 #[test]
 fn other_programs_read_what_rivet_writes() {
@@ -89,6 +124,12 @@ assert np.array_equal(q, arrays['q']) and np.array_equal(tau, arrays['tau']) and
 t = np.array([m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec for m in messages])
 assert np.allclose(t - t[0], arrays['t'] - arrays['t'][0], rtol=0, atol=1e-8)
 assert list(messages[0].name) == sys.argv[2].split(','), messages[0].name
+import importlib.util
+if importlib.util.find_spec('h5py'):
+    import h5py
+    with h5py.File(folder + '/run.h5') as f:
+        assert f.attrs['conventions'].decode().endswith('zeros of the model'), f.attrs['conventions']
+        assert np.array_equal(f['q'], q) and np.array_equal(f['tau'], tau) and np.array_equal(f['t'], arrays['t'])
 import csv
 lines = [line for line in open(folder + '/run.csv') if not line.startswith('#')]
 table = list(csv.reader(lines))
@@ -97,7 +138,7 @@ print(len(q))
 """)
 "#;
     let Some((folder, measured)) = written_by(&["numpy", "mcap", "mcap_ros2"], script) else { return };
-    for ending in ["npz", "mcap", "csv"] {
+    for ending in ["npz", "h5", "mcap", "csv"] {
         rivet_logs::write_log(&folder.path().join("run").with_extension(ending), &measured, &joints())
             .expect("written");
     }

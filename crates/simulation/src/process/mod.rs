@@ -178,8 +178,7 @@ pub fn run_until(options: &Options, shutdown: &Shutdown) -> Result<Summary, SimE
     if let Some(path) = &options.truth_out {
         output::json(path, &TruthFile::new(&robot, &truth, &disturbances))?;
     }
-    let log =
-        options.log_out.as_deref().map(|path| LogWriter::create(path, &robot.config.log.joint_zero)).transpose()?;
+    let log = options.log_out.as_deref().map(|path| LogWriter::create(path, robot.dof())).transpose()?;
     let (period_s, seed) = (robot.config.sample_period_s, options.seed(&robot));
     let plant = Plant::new(&truth, &options.sensors(&robot), &options.plant(&robot), seed);
     let governor = Governor::new(options.trajectory(&robot)?);

@@ -11,6 +11,7 @@ use super::SimError;
 use crate::stand_in::{Counts, Sample, TrackingBlock};
 use crate::truth::{Disturbances, Truth};
 use rivet_config::Robot;
+use rivet_files::CONVENTIONS_OF_THE_MODEL;
 
 pub(super) fn fails(path: &Path) -> impl FnOnce(io::Error) -> SimError {
     let path = path.to_owned();
@@ -98,31 +99,25 @@ pub(super) struct LogWriter {
 }
 
 impl LogWriter {
-    /// `joint_zero` is the robot file's: logs carry positions in the log's zero, so that reading them gives back the
-    /// model's.
-    pub(super) fn create(path: &Path, joint_zero: &[f64]) -> Result<Self, SimError> {
-        let (dof, joint_zero) = (joint_zero.len(), joint_zero.to_vec());
+    /// The log has the numbers of the bus, and states this.
+    pub(super) fn create(path: &Path, joints: usize) -> Result<Self, SimError> {
         rivet_files::writable(path).map_err(fails(path))?;
         let (rows, queue) = channel::<Sample>();
         let target = path.to_owned();
         let thread = std::thread::spawn(move || {
             rivet_files::fill_whole(&target, |part| {
                 let mut file = BufWriter::new(part);
-                write!(file, "t")?;
+                write!(file, "# rivet: {CONVENTIONS_OF_THE_MODEL}\nt")?;
                 for what in ["q", "tau", "q_des", "qd_des", "qdd_des"] {
-                    for j in 1..=dof {
+                    for j in 1..=joints {
                         write!(file, ",{what}{j}")?;
                     }
                 }
                 writeln!(file)?;
-                for mut s in queue {
-                    for (j, zero) in joint_zero.iter().enumerate() {
-                        s.q[j] -= zero;
-                        s.q_des[j] -= zero;
-                    }
+                for s in queue {
                     // Rounded to nanoseconds: multiples of a period that is no binary fraction are not pretty otherwise.
                     write!(file, "{}", (s.t_s * 1e9).round() / 1e9)?;
-                    for x in [s.q, s.tau, s.q_des, s.qd_des, s.qdd_des].iter().flat_map(|v| &v[..dof]) {
+                    for x in [s.q, s.tau, s.q_des, s.qd_des, s.qdd_des].iter().flat_map(|v| &v[..joints]) {
                         write!(file, ",{x}")?;
                     }
                     writeln!(file)?;
