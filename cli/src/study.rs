@@ -3,6 +3,7 @@
 mod friction;
 mod measured;
 mod real;
+mod recordings;
 mod strangers;
 mod supervision;
 mod withheld;
@@ -24,6 +25,8 @@ pub(crate) enum Args {
     Real(measured::Args),
     /// Measured arms with robot files as a new user writes them, compared with plain least squares
     Strangers(strangers::Args),
+    /// Recordings of drawn formats and meanings: is the meaning of their channels found?
+    Recordings(recordings::Args),
     /// Friction laws, compared on held-out logs
     Friction(friction::Args),
     /// Measured arms: does the diagnosis name a part that was removed from the model?
@@ -56,6 +59,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         Args::Supervision(args) => supervision::run(args),
         Args::Real(args) => real::run(args),
         Args::Strangers(args) => strangers::run(args),
+        Args::Recordings(args) => recordings::run(args),
         Args::Friction(args) => friction::run(args),
         Args::Withheld(args) => withheld::run(args),
     }

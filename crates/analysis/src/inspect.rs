@@ -187,6 +187,43 @@ fn readings(path: &Path, log: &Log, entries: &[String]) -> Result<(Vec<ChannelRe
     Ok((readings, gravity_free::probability(&found).is_some()))
 }
 
+/// The most probable meaning of the channels of a recording: name of the reading (`as_it_is` where the channels are as recorded),
+/// joints (from 0; none where it is all), and the probability of all readings with these faults. None where it cannot be compared.
+///
+/// # Errors
+/// The recording cannot be read as one of this robot.
+pub fn meaning(robot: &Robot, recording: &Path) -> Result<Option<(&'static str, Vec<usize>, f64)>> {
+    let (joints, stated) = (runs::joint_names(robot), map::channels(robot)?);
+    let log = read_as(recording, &runs::read_options(robot), &Naming { joints: &joints, map: &stated })?;
+    let log = log.by_its_positions().without_crowds();
+    let Some(found) = reading::compare(robot, &log) else { return Ok(None) };
+    let is_of_torque = |state: ArmState| matches!(state, ArmState::Computed | ArmState::LinkSide);
+    let about = |reading: &Reading| {
+        // Of the states of the arm two say what the torque is; the others are of the file.
+        let state = if is_of_torque(reading.state) { reading.state } else { ArmState::Nominal };
+        (reading.faults.clone(), state)
+    };
+    let mut sums: Vec<(Reading, f64)> = Vec::new();
+    for reading in &found.readings {
+        match sums.iter_mut().find(|(known, _)| about(known) == about(reading)) {
+            Some((_, sum)) => *sum += reading.probability,
+            None => sums.push((reading.clone(), reading.probability)),
+        }
+    }
+    let best = sums.into_iter().max_by(|a, b| a.1.total_cmp(&b.1));
+    Ok(best.map(|(reading, probability)| {
+        let is_as_recorded = reading.faults.is_empty() && !is_of_torque(reading.state);
+        let mut joints: Vec<usize> = reading.faults.iter().flat_map(LogReading::joints).collect();
+        joints.sort_unstable();
+        let name = match reading.faults.as_slice() {
+            [] if is_as_recorded => "as_it_is",
+            [] | [_] => reading.name(),
+            _ => "several_faults",
+        };
+        (name, joints, probability)
+    }))
+}
+
 /// Whether a fault is one of the positions.
 fn is_of_positions(fault: &LogReading) -> bool {
     use LogReading::{BackToFront, Exchanged, JointZero, PositionSign, PositionUnit, Reversed};

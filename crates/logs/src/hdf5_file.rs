@@ -5,6 +5,8 @@
 //! names differ in a number alone, are read one after another.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -21,9 +23,9 @@ use crate::numbers::{Kind, Numbers};
 use crate::{episodes, guess, lzf};
 
 /// First bytes of a file.
-pub(crate) const MAGIC: &[u8] = b"\x89HDF\r\n\x1a\n";
-/// First bytes of a file of MATLAB 7.3: HDF5 behind a block of text.
-pub(crate) const MATLAB_MAGIC: &[u8] = b"MATLAB 7";
+const MAGIC: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
+/// Places where a file may have them: behind a block of its writer, such as that of MATLAB 7.3 \[bytes\].
+const MAGIC_AT: [u64; 4] = [0, 512, 1024, 2048];
 /// Most data sets and groups.
 const MAX_OBJECTS: usize = 1 << 16;
 /// Most levels of groups.
@@ -134,6 +136,17 @@ impl Contents {
         }
         Ok(Contents { file, bytes, episodes, names, conventions, warnings })
     }
+}
+
+/// Whether a file is one of HDF5.
+pub(crate) fn is_format(path: &Path) -> bool {
+    let begins = |mut file: &File, at: u64| -> std::io::Result<bool> {
+        let mut bytes = [0; MAGIC.len()];
+        file.seek(SeekFrom::Start(at))?;
+        file.read_exact(&mut bytes)?;
+        Ok(bytes == MAGIC)
+    };
+    File::open(path).is_ok_and(|file| MAGIC_AT.iter().any(|at| begins(&file, *at).unwrap_or(false)))
 }
 
 /// Collects the data sets of numbers.

@@ -65,7 +65,7 @@ const READERS: [Reader; 7] = [
     },
     Reader {
         name: "HDF5",
-        is_format: |head| [hdf5_file::MAGIC, hdf5_file::MATLAB_MAGIC].iter().any(|magic| head.bytes.starts_with(magic)),
+        is_format: |head| !head.is_folder && hdf5_file::is_format(head.path),
         list: hdf5_file::list,
         read: hdf5_file::read,
     },

@@ -6,6 +6,7 @@ pub mod batch;
 pub mod blind;
 pub mod figures;
 pub mod real;
+pub mod recordings;
 pub mod strangers;
 pub mod supervision;
 pub mod tracking;

@@ -247,7 +247,7 @@ fn known_arm(split: &real::Split, root: &Path, data: &Path, engine: &Engine<'_>)
 ///
 /// * `period_s`: of the logs \[s\]
 /// * `root`: the checkout, as the place of the file
-fn without_tuned_keys(tuned: &Robot, period_s: f64, root: &Path) -> Result<Robot, String> {
+pub(crate) fn without_tuned_keys(tuned: &Robot, period_s: f64, root: &Path) -> Result<Robot, String> {
     let config = &tuned.config;
     let mut more = String::new();
     if let Some(gain) = &config.drive.drive_gain {

@@ -62,6 +62,15 @@ fn episodes_are_one_log_in_the_order_of_their_numbers() {
 }
 
 #[test]
+fn a_file_behind_a_block_of_its_writer_is_found() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("run.mat");
+    let sound = bytes(signals("robot", 200));
+    std::fs::write(&path, [&b"MATLAB 7.3 MAT-file"[..], &[0; 1024 - 19], &sound].concat()).expect("written");
+    assert_eq!(read_file(&path).expect("a log").len(), 200);
+}
+
+#[test]
 fn groups_of_joints_are_no_episodes() {
     let one = |name: &str| {
         let set = |quantity: &str| format!("{name}/{quantity}");

@@ -10,9 +10,9 @@ use crate::blind;
 use crate::real::Engine;
 
 /// Arms that are drawn from, below `robots/`.
-const ARMS: [&str; 6] = ["ur10e", "staubli-tx40", "manutec-r3", "ur5e", "kuka-kr300-r2500", "ur10"];
+pub(crate) const ARMS: [&str; 6] = ["ur10e", "staubli-tx40", "manutec-r3", "ur5e", "kuka-kr300-r2500", "ur10"];
 /// Rates of the logs \[Hz\].
-const RATES_HZ: [f64; 3] = [100.0, 250.0, 1000.0];
+pub(crate) const RATES_HZ: [f64; 3] = [100.0, 250.0, 1000.0];
 /// Shortest time between samples of the errors \[s\].
 const MIN_ERROR_PERIOD_S: f64 = 0.002;
 
@@ -58,7 +58,7 @@ fn task(root: &Path, arm: &str, rate_hz: f64, seed: u64) -> Result<Task, String>
 }
 
 /// Every `step`-th row of a recording, positions and torques.
-fn log(run: &Recording, step: usize) -> Log {
+pub(crate) fn log(run: &Recording, step: usize) -> Log {
     let thinned = |signal: &Vec<f64>| signal.iter().step_by(step).copied().collect::<Vec<f64>>();
     Log {
         path: PathBuf::from("drawn"),
