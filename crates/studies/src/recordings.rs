@@ -124,7 +124,7 @@ fn case(
     judge: &Judge<'_>,
 ) -> Result<Outcome, String> {
     let mut random = Random::stream(seed, 0x5ec);
-    let is_measured = seed % 2 == 0;
+    let is_measured = seed.is_multiple_of(2);
     let measured = if is_measured { measured(root, data, &mut random, engine)? } else { None };
     let is_measured = measured.is_some();
     let Source { arm, robot, mut log } = match measured {
@@ -271,4 +271,71 @@ pub fn to_json(outcomes: &[Outcome]) -> Value {
                "verdict": format!("{:?}", outcome.verdict()).to_lowercase()})
     });
     json!({"right": right, "asked": asked, "wrong": wrong, "recordings": each.collect::<Vec<_>>()})
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rivet_logs::{ChannelMap, Naming, ReadOptions, read_as};
+
+    fn source() -> Source {
+        let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
+        simulated(root, &mut Random::new(5)).expect("a drawn arm")
+    }
+
+    /// Whatever the order and the dialect: the joints come back by their names, to the bit.
+    #[test]
+    fn every_format_reads_back_the_log() {
+        let Source { robot, log, .. } = source();
+        let names: Vec<String> = robot.model.arm.joints.iter().map(|joint| joint.name.clone()).collect();
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut random = Random::new(8);
+        for (k, format) in FORMATS.iter().cycle().take(3 * FORMATS.len()).enumerate() {
+            let path = (format.write)(&folder.path().join(format!("log{k}")), &log, &names, &mut random);
+            let path = path.expect("written");
+            let naming = Naming { joints: &names, map: &ChannelMap::default() };
+            let read = read_as(&path, &ReadOptions::new(robot.dof()), &naming);
+            let read = read.unwrap_or_else(|why| panic!("{}: {why}", format.name));
+            assert_eq!(read.q, log.q, "{}", format.name);
+            assert_eq!(read.torque().expect("torque"), log.torque().expect("torque"), "{}", format.name);
+        }
+    }
+
+    #[test]
+    fn every_meaning_but_the_contract_changes_the_channels_of_its_joints_alone() {
+        let source = source();
+        for (k, meaning) in MEANINGS.iter().enumerate() {
+            let (mut log, mut random) = (source.log.clone(), Random::new(20 + k as u64));
+            let mut draw = Draw { robot: &source.robot, random: &mut random, log: &mut log };
+            let joints = (meaning.change)(&mut draw);
+            let channels = |log: &Log, j: usize| (log.q[j].clone(), log.tau.as_ref().expect("torques").1[j].clone());
+            let is_changed = |j: &usize| channels(&log, *j) != channels(&source.log, *j);
+            let changed: Vec<usize> = (0..log.joints()).filter(is_changed).collect();
+            let expected = match meaning.name {
+                "as_it_is" => Vec::new(),
+                _ if joints.is_empty() => (0..log.joints()).collect(),
+                _ => joints,
+            };
+            // Gravity does nothing about an upright axis.
+            if meaning.name == "torque_without_gravity" {
+                assert!(!changed.is_empty());
+            } else {
+                assert_eq!(changed, expected, "{} {k}", meaning.name);
+            }
+        }
+    }
+
+    #[test]
+    fn a_meaning_is_right_asked_or_wrong_by_its_probability() {
+        let verdict = |name: &str, joints: &[usize], probability: f64| {
+            let found = Found { name: name.to_owned(), joints: joints.to_vec(), probability };
+            let truth = ("torque_sign", vec![2]);
+            Outcome { seed: 1, arm: String::new(), is_measured: false, format: "MCAP", truth, found: Some(found) }
+                .verdict()
+        };
+        assert_eq!(verdict("torque_sign", &[2], 0.96), Verdict::Right);
+        assert_eq!(verdict("torque_sign", &[2], 0.94), Verdict::Asked);
+        assert_eq!(verdict("torque_sign", &[1], 0.91), Verdict::Wrong);
+        assert_eq!(verdict("as_it_is", &[], 0.89), Verdict::Asked);
+    }
 }

@@ -112,7 +112,7 @@ fn damaged_files_end_in_an_error_or_in_finite_work() {
     for _ in 0..400 {
         let mut damaged = sound.clone();
         damaged.truncate(sound.len() - draw(3) * draw(sound.len() / 3));
-        for _ in 0..1 + draw(8) {
+        for _ in 0..=draw(8) {
             let at = draw(damaged.len());
             damaged[at] = draw(256) as u8;
         }

@@ -75,7 +75,9 @@ pub(super) fn below(random: &mut Random, count: usize) -> usize {
 }
 
 fn scale(signal: &mut [f64], factor: f64) {
-    signal.iter_mut().for_each(|x| *x *= factor);
+    for x in signal {
+        *x *= factor;
+    }
 }
 
 fn torques(log: &mut Log) -> &mut Signals {
