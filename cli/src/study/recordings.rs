@@ -11,6 +11,7 @@ use rivet_studies::recordings::{self, Found};
 
 use super::measured::{self, Findings};
 use super::real::with_engine;
+use crate::table::show;
 
 /// Arguments of `rivet study recordings`.
 #[derive(clap::Args)]
@@ -40,7 +41,8 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         recordings::run(places, *drawn as usize, *seed, engine, &judge, &mut |done| progress.set(done))
     });
     progress.done();
-    let table = (!outcomes.is_empty())
-        .then(|| format!("{}\n{}", recordings::markdown(&outcomes), recordings::others(&outcomes)));
-    measured.tell(&Findings { table, json: recordings::to_json(&outcomes), skipped: Vec::new(), failed })
+    let table = (!outcomes.is_empty()).then(|| recordings::markdown(&outcomes));
+    let code = measured.tell(&Findings { table, json: recordings::to_json(&outcomes), skipped: Vec::new(), failed })?;
+    show(&recordings::others(&outcomes))?;
+    Ok(code)
 }

@@ -31,6 +31,8 @@ fn documents() -> Vec<PathBuf> {
     let root = root();
     let mut documents: Vec<PathBuf> = ["README.md", "ARCHITECTURE.md", "CHANGELOG.md"].map(|d| root.join(d)).to_vec();
     documents.extend(files_below(&root.join("docs")));
+    // Tables are shown on pages.
+    documents.retain(|document| !document.starts_with(root.join("docs/tables")));
     documents.extend(files(&root.join("robots")).iter().map(|robot| robot.join("README.md")));
     documents.retain(|d| d.extension().is_some_and(|e| e == "md") && d.exists());
     documents
@@ -142,6 +144,7 @@ fn the_manual_contains_every_page_of_docs() {
     let contents = read(&docs.join("SUMMARY.md"));
     let linked: Vec<PathBuf> = links(&contents).map(|link| docs.join(link)).collect();
     let pages = files_below(&docs).into_iter().filter(|p| p.extension().is_some_and(|e| e == "md"));
+    let pages = pages.filter(|page| !page.starts_with(docs.join("tables")));
     let missing: Vec<PathBuf> = pages.filter(|p| !p.ends_with("SUMMARY.md") && !linked.contains(p)).collect();
     assert!(missing.is_empty(), "docs/SUMMARY.md lacks {missing:?}");
     assert!(linked.len() > 50, "only {} pages are linked", linked.len());
@@ -161,6 +164,36 @@ fn every_effect_that_can_be_named_has_a_page() {
     let missing: Vec<&String> = names.iter().filter(|name| !has_page(name)).collect();
     assert!(missing.is_empty(), "no page for {missing:?}");
     assert!(names.len() > 20, "only {} effects were found", names.len());
+}
+
+/// Tables that a command writes, `<!-- table FILE: COMMAND -->` before them: the page has what the file has.
+fn tables(text: &str) -> impl Iterator<Item = (&str, &str, &str)> {
+    text.split("<!-- table ").skip(1).filter_map(|rest| {
+        let (mark, after) = rest.split_once("-->")?;
+        let (file, command) = mark.split_once(':')?;
+        Some((file.trim(), command.trim(), after.trim_start_matches('\n')))
+    })
+}
+
+#[test]
+fn tables_of_the_pages_are_those_that_a_command_wrote() {
+    let root = root();
+    let (mut shown, mut wrong) = (Vec::new(), Vec::new());
+    for document in documents() {
+        let text = read(&document);
+        for (file, command, after) in tables(&text) {
+            let path = root.join(file);
+            let written = fs::read_to_string(&path).unwrap_or_default();
+            if written.is_empty() || !after.starts_with(&written) || !command.contains(&format!("--markdown {file}")) {
+                wrong.push(format!("{}: not what {file} has; it is written by: {command}", document.display()));
+            }
+            shown.push(path);
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    let all = files(&root.join("docs/tables"));
+    let unused: Vec<&PathBuf> = all.iter().filter(|path| !shown.contains(path)).collect();
+    assert!(unused.is_empty() && !all.is_empty(), "no page shows {unused:?}");
 }
 
 #[test]
