@@ -13,7 +13,7 @@ pub trait Listener {
     fn text(&mut self, message: &TextMessage);
 }
 
-/// What [`Client::next`] found.
+/// What [`Client::poll`] found.
 #[derive(Debug)]
 pub enum Event<'a> {
     /// Values of the recipe.
@@ -92,7 +92,7 @@ impl<S: Read + Write> Client<S> {
     ///
     /// # Errors
     /// The stream failed or has ended; a package that is malformed.
-    pub fn next(&mut self) -> Result<Event<'_>, RtdeError> {
+    pub fn poll(&mut self) -> Result<Event<'_>, RtdeError> {
         let Some(size) = self.fill()? else { return Ok(Event::Nothing) };
         let (of, payload) = self.frames.take(size);
         match (of, &self.recipe) {

@@ -300,7 +300,8 @@ mod tests {
     fn currents_become_torques() {
         let names = ["timestamp", "actual_q", CURRENT];
         let recipe = Recipe::decode(&names, b"\x01DOUBLE,VECTOR6D,VECTOR6D").expect("sound");
-        let fields = Fields::new(&recipe, Torque::Current { gain: [1.0, 2.0, 3.0, 4.0, 5.0, -6.0] }).expect("all there");
+        let fields =
+            Fields::new(&recipe, Torque::Current { gain: [1.0, 2.0, 3.0, 4.0, 5.0, -6.0] }).expect("all there");
         let mut payload = vec![1];
         [[0.5_f64; 1].as_slice(), &[0.1; 6], &[2.0; 6]].concat().iter().for_each(|x| payload.extend(x.to_be_bytes()));
         let reading = fields.read(&recipe.values(&payload).expect("sound").expect("of this recipe"));

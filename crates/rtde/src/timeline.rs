@@ -127,7 +127,10 @@ mod tests {
         assert!(matches!(line.take(2.0, 9000 * MS, true), Arrival::First { .. }), "its time begins anew");
         // Started anew 60 s ago, and its time has passed what it was before.
         assert!(matches!(line.take(30.0, 99_000 * MS, true), Arrival::First { .. }));
-        assert!(matches!(line.take(1e9, 99_002 * MS, false), Arrival::First { .. }), "no million of samples is missing");
+        assert!(
+            matches!(line.take(1e9, 99_002 * MS, false), Arrival::First { .. }),
+            "no million of samples is missing"
+        );
         // A process that slept reads late, and all of it.
         let mut line = Timeline::new(0.002);
         line.take(1.0, 1000 * MS, true);

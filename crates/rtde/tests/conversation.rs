@@ -94,7 +94,7 @@ fn converse(stream: Script) -> Result<(Vec<f64>, Patience, String), RtdeError> {
     client.start(&mut listener)?;
     let mut seen = Vec::new();
     loop {
-        match client.next() {
+        match client.poll() {
             Ok(Event::Data(values)) => seen.push(fields.read(&values).q[0]),
             Ok(Event::Text(text)) => listener.text(&text),
             Ok(_) => {}
