@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Result, bail};
 use rivet::{Robot, Sample, Status, sample_flags};
 use rivet_analysis::fault::Fault;
-use rivet_files::note;
+use rivet_files::{note, printable};
 use rivet_ipc_schema::{BusConfig, faults};
 use rivet_realtime::{Shutdown, now_ns};
 use rivet_rtde::robot::{CANDIDATES, JOINTS};
@@ -429,6 +429,8 @@ impl Texts {
         }
         self.shown += 1;
         let TextMessage { text, source, level } = message;
+        // A line break of the controller's must not begin a line that looks like this program's.
+        let [text, source] = [text, source].map(|words| printable(words));
         match self.shown {
             ..=TEXTS_PER_SECOND => note(format_args!("rivet robot: the controller's {source} ({level}): {text}")),
             shown if shown == TEXTS_PER_SECOND + 1 => {
