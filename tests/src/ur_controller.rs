@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 use rivet_config::Robot;
 use rivet_controller::Core;
 use rivet_ipc_schema::{JointState, Setpoint};
+use rivet_realtime::now_ns;
 use rivet_simulation::Disturbances;
 use rivet_simulation::motion::{Fourier, FourierSettings, MotionLimits, load_ratio};
 
@@ -89,7 +90,8 @@ struct State {
     muted: u64,
     /// Whether time stands still.
     waits: bool,
-    sent: u64,
+    /// When each data package was sent, `CLOCK_MONOTONIC` \[ns\], over all clients.
+    sent_ns: Vec<u64>,
 }
 
 /// The controller; ends with its threads when dropped.
@@ -120,7 +122,7 @@ impl UrController {
             safety_mode: NORMAL,
             muted: 0,
             waits: true,
-            sent: 0,
+            sent_ns: Vec::new(),
         }));
         let stop = Arc::new(AtomicBool::new(false));
         let accept = {
@@ -141,7 +143,12 @@ impl UrController {
 
     /// Data packages that it has sent, over all clients.
     pub fn sent(&self) -> u64 {
-        locked(&self.state).sent
+        locked(&self.state).sent_ns.len() as u64
+    }
+
+    /// When it has sent each of them, `CLOCK_MONOTONIC` \[ns\].
+    pub fn sent_ns(&self) -> Vec<u64> {
+        locked(&self.state).sent_ns.clone()
     }
 
     /// Computes so many periods without sending them.
@@ -363,7 +370,9 @@ fn tick(state: &Mutex<State>, stop: &AtomicBool) {
                 reader.fields.iter().for_each(|name| payload.extend(value(name, &period, &state)));
                 let package = framed(b'U', &payload);
                 let arrived = package.chunks(state.behaviour.piece).all(|piece| reader.stream.write_all(piece).is_ok());
-                state.sent += u64::from(arrived);
+                if arrived {
+                    state.sent_ns.push(now_ns());
+                }
                 arrived
             });
             state.readers = readers;

@@ -174,6 +174,7 @@ fn every_sample_reaches_rivetd_and_the_arm_is_identified() {
     eventually("rivetd is there", || scene.health.receive_newest().expect("received").map(|_| ()));
     let mut bridge = scene.start(controller.address().port(), &[]);
     let (mut seen, mut stamp_ns) = (0_u64, 0);
+    let mut stamps = Vec::new();
     eventually("all samples", || {
         for (state, plan) in scene.received() {
             let (sample, setpoint) = &periods[seen as usize];
@@ -185,6 +186,7 @@ fn every_sample_reaches_rivetd_and_the_arm_is_identified() {
             assert_eq!((plan.q, plan.qd, plan.qdd), (setpoint.q, setpoint.qd, setpoint.qdd), "setpoint {seen}");
             assert!(stamp_ns < state.stamp_ns, "stamps go forward");
             stamp_ns = state.stamp_ns;
+            stamps.push(stamp_ns);
             assert_eq!(state.temperature[5], temperature(5));
         }
         (seen == count).then_some(())
@@ -194,13 +196,27 @@ fn every_sample_reaches_rivetd_and_the_arm_is_identified() {
     });
     assert_eq!((health.lost, health.setpoints_missing, health.refused_stale, health.refused_invalid), (0, 0, 0, 0));
     assert_eq!(health.samples + health.rejected_faults + health.samples_held, count, "{health:?}");
+    let used_s = cpu_s(&bridge);
     let printed = summary(&mut bridge);
     println!("{printed:#}");
     assert_eq!(controller.sent(), count);
+    let mut behind: Vec<f64> =
+        controller.sent_ns().iter().zip(&stamps).map(|(sent, stamp)| (*stamp as f64 - *sent as f64) * 1e-6).collect();
+    behind.sort_by(f64::total_cmp);
+    let at = |share: f64| behind[(share * (behind.len() - 1) as f64) as usize];
+    println!("stamps less times of sending, median, 1 and 99 %: {:.3} {:.3} {:.3} ms", at(0.5), at(0.01), at(0.99));
+    println!("{used_s} s of processor time for {SECONDS} s");
     assert_eq!([&printed["samples"], &printed["lost"], &printed["not_sent"]], [count, 0, 0]);
     assert_eq!(printed["torque_field"], "actual_current_as_torque");
     let found = eventually("parameters", || parameters.receive_newest().expect("received"));
     near_the_plant(&robot, &found.values[..robot.base.len()], &periods);
+}
+
+/// Processor time that a running process has used \[s\], to 10 ms.
+fn cpu_s(process: &Process) -> f64 {
+    let text = std::fs::read_to_string(format!("/proc/{}/stat", process.0.id())).expect("it runs");
+    let (_, fields) = text.rsplit_once(") ").expect("fields behind the name");
+    fields.split(' ').skip(11).take(2).map(|ticks| ticks.parse::<f64>().expect("a number") * 0.01).sum()
 }
 
 /// Torques of the motion by the identified parameters, by those of the file, and by those of the plant.
@@ -226,7 +242,7 @@ fn near_the_plant(robot: &Robot, found: &[f64], periods: &[Period]) {
     }
 }
 
-/// Nothing of this needs the other tests' client: it is `ur_rtde`, which knows nothing of this project.
+/// The client is `ur_rtde`, which knows nothing of this project.
 #[test]
 fn an_independent_client_reads_the_controller() {
     const SCRIPT: &str = "
