@@ -1,27 +1,21 @@
-//! `rivet robot ur`: joint states and targets of a Universal Robots controller on the bus.
+//! Universal Robots by RTDE: joint states and targets of a Universal Robots controller on the bus.
 
 use std::fmt::Write as _;
 use std::io::{IsTerminal as _, Write as _};
 use std::net::{TcpStream, ToSocketAddrs as _};
-use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use anyhow::{Result, bail};
-use rivet::{Robot, Sample, Status, sample_flags};
-use rivet_analysis::fault::Fault;
+use rivet::{OpenError, Robot, Sample, Status, sample_flags};
 use rivet_files::{note, printable};
 use rivet_ipc_schema::{BusConfig, faults};
 use rivet_realtime::{Shutdown, now_ns};
-use rivet_rtde::robot::{CANDIDATES, JOINTS};
+use rivet_rtde::robot::{CANDIDATES, JOINTS, Missing};
 use rivet_rtde::{
     Arrival, Client, ControllerVersion, Event, Fields, Listener, Reading, RobotMode, RtdeError, SafetyMode,
     TextMessage, Timeline, Torque,
 };
-use serde_json::json;
 
-use super::backoff::Backoff;
-use crate::control::OnBus;
-use crate::table::{number, show};
+use crate::backoff::Backoff;
 
 /// Time for a connection to be made, and for the answer to a request.
 const PATIENCE: Duration = Duration::from_secs(2);
@@ -36,39 +30,82 @@ const TEXTS_PER_SECOND: u32 = 10;
 /// Largest relative difference of two rates that are the same.
 const RATE_TOLERANCE: f64 = 1e-6;
 
-/// Arguments of `rivet robot ur`.
-#[derive(clap::Args)]
-#[command(
-    after_help = "Ctrl-C ends it. It connects again whenever the controller returns. docs/connect.md: fields, units, rates."
-)]
-pub(crate) struct Args {
-    #[command(flatten)]
-    bus: OnBus,
+/// Which controller is read, and how long.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// Where the samples go.
+    pub bus: BusConfig,
     /// Name or address of the controller.
-    #[arg(long)]
-    host: String,
+    pub host: String,
     /// TCP port of RTDE.
-    #[arg(long, default_value_t = 30004)]
-    port: u16,
-    /// Samples a second; 1 / sample_period_s of the robot file.
-    #[arg(long, value_name = "HZ", value_parser = |text: &str| crate::number::within(text, 1.0..=500.0))]
-    rate: Option<f64>,
-    /// End after so many seconds of samples.
-    #[arg(long, value_name = "S", value_parser = crate::number::seconds)]
-    seconds: Option<f64>,
-    /// Print the result as JSON.
-    #[arg(long)]
-    json: bool,
+    pub port: u16,
+    /// Samples a second \[Hz\]; it must be 1 / sample_period_s of the robot file.
+    pub rate_hz: Option<f64>,
+    /// The end after so many seconds of samples \[s\].
+    pub seconds: Option<f64>,
+    /// Draw a status line where standard error is a terminal.
+    pub draws_status: bool,
 }
 
-pub(crate) fn run(args: &Args) -> Result<ExitCode> {
-    let robot = rivet_config::load(&args.bus.robot)?;
-    if robot.dof() != JOINTS {
-        let why = format!("{} has {} joints; Universal Robots arms have {JOINTS}", robot.config.name, robot.dof());
-        return Err(Fault::Config(why).into());
-    }
-    let shutdown = Shutdown::on_signals()?;
-    let mut bridge = Bridge::new(args, &robot, shutdown.clone())?;
+/// Why a controller cannot be read. Whatever another attempt may mend is no error.
+#[derive(Debug, thiserror::Error)]
+pub enum UrError {
+    /// Settings that do not fit the robot file.
+    #[error("{0}")]
+    Settings(String),
+    /// A robot file that does not fit the controller.
+    #[error("{0}")]
+    RobotFile(String),
+    /// The controller does not speak the protocol.
+    #[error("{0}")]
+    Protocol(RtdeError),
+    /// The controller lacks a field.
+    #[error("{0}")]
+    Missing(#[from] Missing),
+    /// The bus cannot be joined.
+    #[error("{0}")]
+    Bus(#[from] OpenError),
+    /// The bus takes no sample any more.
+    #[error("the sample cannot be published ({status:?}): {why}")]
+    Publish {
+        /// What the library returned.
+        status: Status,
+        /// What failed last on its thread.
+        why: String,
+    },
+}
+
+/// What came, over all connections.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Summary {
+    /// Version of the controller's software, of the last handshake.
+    pub controller: Option<String>,
+    /// Field that became the torque.
+    pub torque_field: Option<&'static str>,
+    /// Connections that got as far as data.
+    pub connections: u64,
+    /// Times that the controller started anew.
+    pub restarts: u64,
+    /// Samples published.
+    pub samples: u64,
+    /// Samples that are missing by the controller's timestamps.
+    pub lost: u64,
+    /// Packages without a new timestamp.
+    pub repeated: u64,
+    /// Samples published with a fault bit.
+    pub with_fault_bit: u64,
+    /// Samples published that the bus did not get.
+    pub not_sent: u64,
+    /// Texts of the controller.
+    pub texts: u64,
+}
+
+/// Reads the controller and publishes its samples until `shutdown` asks for the end, or the settings do.
+///
+/// # Errors
+/// Somebody has to change something: settings, robot file, controller, bus.
+pub fn run(robot: &rivet_config::Robot, settings: &Settings, shutdown: &Shutdown) -> Result<Summary, UrError> {
+    let mut bridge = Bridge::new(robot, settings, shutdown.clone())?;
     let mut backoff = Backoff::new();
     let mut shown = String::new();
     while let Err(why) = bridge.session() {
@@ -86,13 +123,14 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         }
         // The same words once, not at every attempt.
         if why != shown {
-            note(format_args!("rivet robot: {}:{}: {why}; trying again at least every 5 s", args.host, args.port));
+            let (host, port) = (&settings.host, settings.port);
+            note(format_args!("rivet robot: {host}:{port}: {why}; trying again at least every 5 s"));
             shown = why;
         }
-        backoff.wait(&shutdown);
+        backoff.wait(shutdown);
     }
     bridge.status.remove();
-    bridge.finish()
+    Ok(bridge.finish())
 }
 
 /// Why a session ended.
@@ -100,42 +138,29 @@ enum Failure {
     /// Another attempt may succeed.
     Again(String),
     /// Somebody has to change something.
-    Final(anyhow::Error),
+    Final(UrError),
 }
 
 impl From<RtdeError> for Failure {
     fn from(why: RtdeError) -> Failure {
         match why {
-            RtdeError::Protocol => Failure::Final(why.into()),
+            RtdeError::Protocol => Failure::Final(UrError::Protocol(why)),
             _ => Failure::Again(why.to_string()),
         }
     }
 }
 
-/// What came, over all connections.
-#[derive(Default)]
-struct Counts {
-    connections: u64,
-    restarts: u64,
-    samples: u64,
-    lost: u64,
-    repeated: u64,
-    stopped: u64,
-    not_sent: u64,
-}
-
 struct Bridge<'a> {
-    args: &'a Args,
+    settings: &'a Settings,
     shutdown: Shutdown,
     name: String,
-    bus: BusConfig,
     /// Closed between the end of one incarnation of the controller and the first sample of the next.
     robot: Option<Robot>,
     period_s: f64,
     gain: Option<[f64; JOINTS]>,
     from_current: bool,
     timeline: Timeline,
-    counts: Counts,
+    counts: Summary,
     /// Of the last handshake.
     controller: Option<(ControllerVersion, Torque)>,
     modes: (Option<RobotMode>, Option<SafetyMode>),
@@ -147,32 +172,33 @@ struct Bridge<'a> {
 }
 
 impl<'a> Bridge<'a> {
-    fn new(args: &'a Args, robot: &rivet_config::Robot, shutdown: Shutdown) -> Result<Bridge<'a>> {
-        let period_s = robot.config.sample_period_s;
-        if let Some(rate) = args.rate
+    fn new(robot: &rivet_config::Robot, settings: &'a Settings, shutdown: Shutdown) -> Result<Bridge<'a>, UrError> {
+        let (name, period_s) = (robot.config.name.clone(), robot.config.sample_period_s);
+        if robot.dof() != JOINTS {
+            let why = format!("{name} has {} joints; Universal Robots arms have {JOINTS}", robot.dof());
+            return Err(UrError::RobotFile(why));
+        }
+        if let Some(rate) = settings.rate_hz
             && (rate * period_s - 1.0).abs() > RATE_TOLERANCE
         {
             let why =
                 format!("--rate {rate}: sample_period_s of the robot file is {period_s}; set it to {}", 1.0 / rate);
-            return Err(Fault::Usage(why).into());
+            return Err(UrError::Settings(why));
         }
-        let bus = args.bus.config(&robot.config.bus);
-        let name = robot.config.name.clone();
         Ok(Bridge {
-            robot: Some(Robot::open(&bus, &name, JOINTS as u32)?),
-            args,
+            robot: Some(Robot::open(&settings.bus, &name, JOINTS as u32)?),
+            settings,
             shutdown,
             name,
-            bus,
             period_s,
             gain: robot.config.drive.drive_gain.as_ref().and_then(|gain| gain[..].try_into().ok()),
             from_current: robot.config.log.torque_from_current,
             timeline: Timeline::new(period_s),
-            counts: Counts::default(),
+            counts: Summary::default(),
             controller: None,
             modes: (None, None),
             texts: Texts { second: Instant::now(), shown: 0, count: 0 },
-            status: Picture { is_shown: std::io::stderr().is_terminal() && !args.json, drawn: None },
+            status: Picture { is_shown: settings.draws_status && std::io::stderr().is_terminal(), drawn: None },
             talked: false,
             full: false,
         })
@@ -191,7 +217,7 @@ impl<'a> Bridge<'a> {
         answers.again();
         let known = client.set_up(rate_hz, &CANDIDATES, &mut answers)?;
         let torque = Torque::choose(&known, self.gain, self.from_current)
-            .map_err(|why| Failure::Final(Fault::Config(format!("PolyScope {version}: {why}")).into()))?;
+            .map_err(|why| Failure::Final(UrError::RobotFile(format!("PolyScope {version}: {why}"))))?;
         let names = Fields::names(&known, &torque);
         answers.again();
         let recipe = client.set_up(rate_hz, &names, &mut answers)?;
@@ -209,7 +235,7 @@ impl<'a> Bridge<'a> {
     fn stream(&self) -> Result<TcpStream, Failure> {
         let again = |why: std::io::Error| Failure::Again(why.to_string());
         let mut last = std::io::Error::other("the name has no address");
-        for address in (self.args.host.as_str(), self.args.port).to_socket_addrs().map_err(again)? {
+        for address in (self.settings.host.as_str(), self.settings.port).to_socket_addrs().map_err(again)? {
             match TcpStream::connect_timeout(&address, PATIENCE) {
                 Ok(stream) => {
                     stream.set_nodelay(true).map_err(again)?;
@@ -228,7 +254,7 @@ impl<'a> Bridge<'a> {
         if self.controller == Some((version, torque)) {
             note("rivet robot: connected again");
         } else {
-            let (host, port) = (&self.args.host, self.args.port);
+            let (host, port) = (&self.settings.host, self.settings.port);
             let plan = if fields.has_plan() { "target_q, target_qd, target_qdd" } else { "none in this software" };
             note(format_args!("rivet robot: {host}:{port}: PolyScope {version}, {rate_hz} Hz, setpoint: {plan}"));
             note(format_args!("rivet robot: torque: {torque}; target_moment is a model's and is not used"));
@@ -265,10 +291,12 @@ impl<'a> Bridge<'a> {
     }
 
     fn is_done(&self) -> bool {
-        self.args.seconds.is_some_and(|most| self.counts.samples as f64 * self.period_s >= most - 0.5 * self.period_s)
+        self.settings
+            .seconds
+            .is_some_and(|most| self.counts.samples as f64 * self.period_s >= most - 0.5 * self.period_s)
     }
 
-    fn take(&mut self, reading: &Reading, arrival: Arrival) -> Result<()> {
+    fn take(&mut self, reading: &Reading, arrival: Arrival) -> Result<(), UrError> {
         let stamp_ns = match arrival {
             Arrival::First { stamp_ns } => {
                 if self.counts.samples > 0 {
@@ -292,10 +320,10 @@ impl<'a> Bridge<'a> {
         };
         self.modes_changed(reading);
         let sample = sample(reading, stamp_ns);
-        self.counts.stopped += u64::from(sample.faults != 0);
+        self.counts.with_fault_bit += u64::from(sample.faults != 0);
         let robot = match &mut self.robot {
             Some(robot) => robot,
-            None => self.robot.insert(Robot::open(&self.bus, &self.name, JOINTS as u32)?),
+            None => self.robot.insert(Robot::open(&self.settings.bus, &self.name, JOINTS as u32)?),
         };
         self.counts.samples += 1;
         match robot.publish(&sample) {
@@ -306,7 +334,7 @@ impl<'a> Bridge<'a> {
                 self.full = true;
                 note("rivet robot: the bus does not keep up and samples are lost; give the process more priority");
             }
-            status => bail!("the sample cannot be published ({status:?}): {}", robot.problem()),
+            status => return Err(UrError::Publish { status, why: robot.problem() }),
         }
         Ok(())
     }
@@ -335,30 +363,14 @@ impl<'a> Bridge<'a> {
         }
     }
 
-    fn finish(mut self) -> Result<ExitCode> {
+    fn finish(mut self) -> Summary {
         self.close();
-        let Counts { connections, restarts, samples, lost, repeated, stopped, not_sent, .. } = self.counts;
-        let (texts, seconds) = (self.texts.count, samples as f64 * self.period_s);
-        let (version, field) =
-            self.controller.map_or((None, None), |(version, torque)| (Some(version.to_string()), Some(torque.field())));
-        if self.args.json {
-            let value = json!({"robot": self.name, "host": self.args.host, "port": self.args.port,
-                "controller": version, "torque_field": field, "period_s": self.period_s, "seconds": seconds,
-                "samples": samples, "lost": lost, "repeated": repeated, "with_fault_bit": stopped,
-                "not_sent": not_sent, "connections": connections, "restarts": restarts, "texts": texts});
-            show(&rivet_files::printable_json(serde_json::to_string_pretty(&value)? + "\n"))?;
-        } else {
-            show(&format!(
-                "{}: {samples} samples in {} s, {lost} lost, {not_sent} not sent, {stopped} with a fault bit, \
-                 {connections} connections\n",
-                self.name,
-                number(seconds, 4)
-            ))?;
+        Summary {
+            controller: self.controller.map(|(version, _)| version.to_string()),
+            torque_field: self.controller.map(|(_, torque)| torque.field()),
+            texts: self.texts.count,
+            ..self.counts
         }
-        if samples == 0 {
-            bail!("no sample came from {}:{}", self.args.host, self.args.port);
-        }
-        Ok(ExitCode::SUCCESS)
     }
 }
 
@@ -385,7 +397,7 @@ fn rate(version: ControllerVersion, period_s: f64) -> Result<f64, Failure> {
             "sample_period_s is {period_s}; PolyScope {version} sends at {most_hz} Hz and whole parts of it; set sample_period_s = {}",
             1.0 / most_hz
         );
-        return Err(Failure::Final(Fault::Config(why).into()));
+        return Err(Failure::Final(UrError::RobotFile(why)));
     }
     Ok(most_hz / parts.round())
 }
@@ -472,7 +484,7 @@ struct Picture {
 }
 
 impl Picture {
-    fn draw(&mut self, counts: &Counts, period_s: f64, modes: (Option<RobotMode>, Option<SafetyMode>)) {
+    fn draw(&mut self, counts: &Summary, period_s: f64, modes: (Option<RobotMode>, Option<SafetyMode>)) {
         if !self.is_shown || self.drawn.is_some_and(|drawn| drawn.elapsed() < BETWEEN_PICTURES) {
             return;
         }
