@@ -177,16 +177,17 @@ fn every_sample_reaches_rivetd_and_the_arm_is_identified() {
     let mut stamps = Vec::new();
     eventually("all samples", || {
         for (state, plan) in scene.received() {
-            let (sample, setpoint) = &periods[seen as usize];
-            seen += 1;
-            assert_eq!((state.seq, state.joints), (seen, 6), "in order, none is lost");
+            // This test may be too slow for its own ring; rivetd's counts are below.
+            assert!(state.seq > seen && state.joints == 6, "in order");
+            seen = state.seq;
+            let (sample, setpoint) = &periods[seen as usize - 1];
             assert_eq!((state.q, state.tau), (sample.q, sample.tau), "sample {seen}");
             assert_eq!(state.faults, sample.faults, "sample {seen}");
             let plan = plan.expect("a setpoint");
             assert_eq!((plan.q, plan.qd, plan.qdd), (setpoint.q, setpoint.qd, setpoint.qdd), "setpoint {seen}");
             assert!(stamp_ns < state.stamp_ns, "stamps go forward");
             stamp_ns = state.stamp_ns;
-            stamps.push(stamp_ns);
+            stamps.push((seen, stamp_ns));
             assert_eq!(state.temperature[5], temperature(5));
         }
         (seen == count).then_some(())
@@ -194,14 +195,16 @@ fn every_sample_reaches_rivetd_and_the_arm_is_identified() {
     let health = eventually("rivetd has the last sample", || {
         scene.health.receive_newest().expect("received").filter(|health| health.seq == count)
     });
-    assert_eq!((health.lost, health.setpoints_missing, health.refused_stale, health.refused_invalid), (0, 0, 0, 0));
+    let bad = (health.lost, health.setpoints_missing, health.refused_stale, health.refused_invalid);
+    assert_eq!(bad, (0, 0, 0, 0), "{health:?}\n{}", scene.said());
     assert_eq!(health.samples + health.rejected_faults + health.samples_held, count, "{health:?}");
     let used_s = cpu_s(&bridge);
     let printed = summary(&mut bridge);
     println!("{printed:#}");
     assert_eq!(controller.sent(), count);
+    let sent_ns = controller.sent_ns();
     let mut behind: Vec<f64> =
-        controller.sent_ns().iter().zip(&stamps).map(|(sent, stamp)| (*stamp as f64 - *sent as f64) * 1e-6).collect();
+        stamps.iter().map(|(seq, stamp)| (*stamp as f64 - sent_ns[*seq as usize - 1] as f64) * 1e-6).collect();
     behind.sort_by(f64::total_cmp);
     let at = |share: f64| behind[(share * (behind.len() - 1) as f64) as usize];
     println!("stamps less times of sending, median, 1 and 99 %: {:.3} {:.3} {:.3} ms", at(0.5), at(0.01), at(0.99));
@@ -341,8 +344,11 @@ fn what_goes_wrong_is_counted_and_survived() {
     controller.restart();
     scene.waits_for("the controller has started anew");
     let first = all.len();
-    scene.collect("samples from 1 on", &mut all, |all| all.len() > first && last(all) < 200 && last(all) > 50);
-    let (sent, printed) = (controller.sent(), summary(&mut bridge));
+    scene.collect("samples from 1 on", &mut all, |all| {
+        all[first..].iter().position(|state| state.seq == 1).is_some_and(|at| all.len() > first + at + 50)
+    });
+    let printed = summary(&mut bridge);
+    let sent = controller.sent();
     scene.collect("the rest", &mut all, |all| all.len() as u64 == printed["samples"].as_u64().expect("a count"));
     println!("{printed:#}\n{}", scene.said());
     assert!(lost >= 5 + 1000, "{lost}");

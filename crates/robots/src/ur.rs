@@ -264,25 +264,28 @@ impl<'a> Bridge<'a> {
 
     /// Publishes what comes, until the user ends it.
     fn samples(&mut self, client: &mut Client<TcpStream>, fields: &Fields) -> Result<(), Failure> {
-        let mut heard = Instant::now();
+        let mut quiet = Duration::ZERO;
         let mut ignored = false;
         while !self.shutdown.is_requested() && !self.is_done() {
+            let begin = Instant::now();
             match client.poll()? {
                 Event::Data(values) => {
                     let reading = fields.read(&values);
                     let arrival = self.timeline.take(reading.timestamp_s, now_ns(), !self.talked);
                     self.take(&reading, arrival).map_err(Failure::Final)?;
-                    heard = Instant::now();
+                    quiet = Duration::ZERO;
                     self.talked = true;
                 }
+                // Time in which this process did not run is no silence of the controller's.
+                Event::Nothing => quiet += begin.elapsed().min(2 * LOOK),
                 Event::Text(text) => self.texts.show(&text),
                 Event::Ignored(kind) if !ignored => {
                     ignored = true;
                     note(format_args!("rivet robot: packages of type {kind} are ignored"));
                 }
-                Event::Ignored(_) | Event::Nothing => {}
+                Event::Ignored(_) => {}
             }
-            if heard.elapsed() > LONGEST_SILENCE {
+            if quiet > LONGEST_SILENCE {
                 return Err(Failure::Again(format!("no sample for {} s", LONGEST_SILENCE.as_secs())));
             }
             self.status.draw(&self.counts, self.period_s, self.modes);
