@@ -41,6 +41,9 @@ pub(crate) struct UrArgs {
     /// Print the result as JSON.
     #[arg(long)]
     json: bool,
+    /// End with the process that started this one.
+    #[arg(long, hide = true)]
+    die_with_parent: bool,
 }
 
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
@@ -59,7 +62,11 @@ fn universal_robots(args: &UrArgs) -> Result<ExitCode> {
         seconds: args.seconds,
         draws_status: !args.json,
     };
-    let summary = ur::run(&robot, &settings, &Shutdown::on_signals()?).map_err(|why| match why {
+    let shutdown = Shutdown::on_signals()?;
+    if args.die_with_parent {
+        rivet_realtime::die_with_parent()?;
+    }
+    let summary = ur::run(&robot, &settings, &shutdown).map_err(|why| match why {
         UrError::Settings(why) => Fault::Usage(why).into(),
         UrError::RobotFile(why) => Fault::Config(why).into(),
         why => anyhow::Error::new(why),

@@ -100,7 +100,13 @@ impl Scene {
     /// `rivet robot ur`, what it says in a file.
     fn start(&self, port: u16, more: &[&str]) -> Process {
         let mut command = rivet();
-        command.args(["robot", "ur"]).arg(&self.file).args(["--host", "127.0.0.1", "--json", "--port"]);
+        command.args(["robot", "ur"]).arg(&self.file).args([
+            "--die-with-parent",
+            "--host",
+            "127.0.0.1",
+            "--json",
+            "--port",
+        ]);
         command.arg(port.to_string()).args(more).args(["--prefix", &self.config().prefix, "--root"]);
         command.arg(&self.config().root).stdin(Stdio::null()).stdout(Stdio::piped());
         command.stderr(std::fs::File::create(self.folder.path().join("said")).expect("a file"));
