@@ -30,6 +30,7 @@ mod outputs;
 mod predict;
 mod record;
 mod replay;
+mod robot;
 mod stream;
 mod study;
 mod summary;
@@ -66,6 +67,9 @@ enum Command {
     Convert(convert::Args),
     /// Record what robot, rivetd and rivet-controller publish, as MCAP
     Record(record::Args),
+    /// Read a robot by its own protocol, and publish its samples for rivetd
+    #[command(subcommand, arg_required_else_help = true)]
+    Robot(robot::Args),
     /// Predict the torque of a log
     Predict(predict::Args),
     /// Compute the figures of the paper, with the numbers that must hold
@@ -131,6 +135,7 @@ fn main() -> ExitCode {
         Command::Inspect(args) => inspect::run(args),
         Command::Convert(args) => convert::run(args),
         Command::Record(args) => record::run(args),
+        Command::Robot(args) => robot::run(args),
         Command::Predict(args) => predict::run(args),
         Command::Figures(args) => figures::run(args),
         Command::New(args) => new::run(args),

@@ -9,6 +9,7 @@ pub mod sines;
 pub mod stage;
 pub mod stretch;
 pub mod two_link;
+pub mod ur_controller;
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
