@@ -30,6 +30,7 @@ mod outputs;
 mod predict;
 mod record;
 mod replay;
+mod ros2;
 mod stream;
 mod study;
 mod summary;
@@ -66,6 +67,8 @@ enum Command {
     Convert(convert::Args),
     /// Record what robot, rivetd and rivet-controller publish, as MCAP
     Record(record::Args),
+    /// Connect an arm that speaks ROS 2 to rivetd, by DDS; the program rivet-ros2
+    Ros2(ros2::Args),
     /// Predict the torque of a log
     Predict(predict::Args),
     /// Compute the figures of the paper, with the numbers that must hold
@@ -131,6 +134,7 @@ fn main() -> ExitCode {
         Command::Inspect(args) => inspect::run(args),
         Command::Convert(args) => convert::run(args),
         Command::Record(args) => record::run(args),
+        Command::Ros2(args) => ros2::run(args),
         Command::Predict(args) => predict::run(args),
         Command::Figures(args) => figures::run(args),
         Command::New(args) => new::run(args),

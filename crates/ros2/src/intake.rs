@@ -74,6 +74,8 @@ pub struct Intake {
     setpoint_topic: String,
     period_s: f64,
     source: Source,
+    /// Another publisher of this arm's joints since the last message of the one that is used, and how many messages.
+    other: Option<(Guid, u64)>,
     planner: Source,
     stamps: Stamps,
     losses: Losses,
@@ -96,6 +98,7 @@ impl Intake {
             setpoint_topic: setpoint_topic.to_owned(),
             period_s,
             source: Source::default(),
+            other: None,
             planner: Source::default(),
             stamps: Stamps::new(period_s),
             losses: Losses::new(period_s),
@@ -126,21 +129,16 @@ impl Intake {
             return;
         }
         match self.source.admit(arrived.from, now) {
-            Admission::Used => {}
+            Admission::Used => self.both(now),
             Admission::Succession => {
+                self.other = None;
                 self.stamps.restart();
                 self.losses.other_sender(arrived.number);
             }
             Admission::Foreign => {
                 self.counts.foreign += 1;
-                let (topic, used, other) = (&self.topic, self.source.current(), arrived.from);
-                self.problems.count(Problem::OtherPublisher, 1, now, || {
-                    format!(
-                        "{topic}: publisher {} also sends joint states of this arm and is left out, {} is used; end one of them",
-                        guid_text(other),
-                        used.map(guid_text).unwrap_or_default()
-                    )
-                });
+                let before = self.other.map_or(0, |(_, count)| count);
+                self.other = Some((arrived.from, before + 1));
                 return;
             }
         }
@@ -200,6 +198,19 @@ impl Intake {
         let stamp_ns = if stamp_ns == 0 { arrived.wall_ns } else { stamp_ns };
         self.stamp_ns = Some(stamp_ns);
         self.pairing.state(stamp_ns, now, Kept { skip: hole.periods, sample });
+    }
+
+    /// The publisher that is used sends on: another one that was heard meanwhile is no successor.
+    fn both(&mut self, now: u64) {
+        let Some((other, count)) = self.other.take() else { return };
+        let (topic, used) = (&self.topic, self.source.current());
+        self.problems.count(Problem::OtherPublisher, count, now, || {
+            format!(
+                "{topic}: publisher {} also sends joint states of this arm and is left out, {} is used; end one of them",
+                guid_text(other),
+                used.map(guid_text).unwrap_or_default()
+            )
+        });
     }
 
     /// Values of a message whose joints are known.
@@ -494,12 +505,15 @@ mod tests {
     fn a_publisher_that_comes_back_continues_with_a_hole() {
         let mut intake = intake();
         intake.joint_state(&arrived(1, 1, state(1)));
+        // Too early to be sure that the first one is gone.
+        intake.joint_state(&arrived(2, 100, state(100)));
         let mut again = arrived(2, 501, state(501));
-        again.number = 1;
+        again.number = 401;
         intake.joint_state(&again);
         let out = take(&mut intake);
         assert_eq!(out.iter().map(|out| out.skip).collect::<Vec<_>>(), [0, 499]);
-        assert_eq!(intake.counts().lost, 0);
+        assert_eq!((intake.counts().lost, intake.counts().foreign), (0, 1));
+        assert_eq!(intake.problems().news(), [""; 0], "one after the other is no conflict");
     }
 
     #[test]
