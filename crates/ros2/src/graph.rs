@@ -147,7 +147,7 @@ fn reader<M: DeserializeOwned + 'static>(
 #[derive(Debug, Default)]
 pub(crate) struct Changes {
     /// Publishers that have left.
-    pub(crate) left: Vec<Guid>,
+    pub(crate) departed: Vec<Guid>,
     /// Whether the reader is a new one, which has to be registered: it asks for best effort only.
     pub(crate) renewed: bool,
 }
@@ -199,7 +199,7 @@ impl<M: DeserializeOwned + 'static> Input<M> {
                 DataReaderStatus::SubscriptionMatched { current, writer, .. } => {
                     if current.count_change() < 0 {
                         self.matched.remove(&writer.to_bytes());
-                        changes.left.push(writer.to_bytes());
+                        changes.departed.push(writer.to_bytes());
                     } else {
                         self.matched.insert(writer.to_bytes());
                     }

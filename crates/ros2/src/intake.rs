@@ -82,6 +82,8 @@ pub struct Intake {
     pairing: Pairing<Kept>,
     /// Stamp of the last joint state: a point without a stamp is of its period.
     stamp_ns: Option<i64>,
+    /// Periods without a sample since the last one.
+    skip: u64,
     q: [f64; MAX_JOINTS],
     counts: Counts,
     problems: Problems,
@@ -104,6 +106,7 @@ impl Intake {
             losses: Losses::new(period_s),
             pairing: Pairing::new(period_s, patience_s),
             stamp_ns: None,
+            skip: 0,
             q: [0.0; MAX_JOINTS],
             counts: Counts::default(),
             problems: Problems::default(),
@@ -113,91 +116,124 @@ impl Intake {
 
     /// Takes a joint state in.
     pub fn joint_state(&mut self, arrived: &Arrived<JointState>) {
-        let (message, now) = (&arrived.message, arrived.at_ns);
-        if let Err(why) = self.joints.places(&message.name) {
+        if !self.admit(arrived) {
+            return;
+        }
+        self.counts.joint_states += 1;
+        let Some(at_ns) = self.instant(arrived) else {
+            self.counts.refused += 1;
+            return;
+        };
+        self.skip += self.hole(arrived, at_ns);
+        let Some(mut sample) = self.sample(&arrived.message, arrived.at_ns) else {
+            self.counts.refused += 1;
+            // Its period is one without a sample.
+            self.skip += 1;
+            return;
+        };
+        sample.stamp_ns = at_ns;
+        self.counts.faulty += u64::from(sample.faults != 0);
+        let stamp_ns = match arrived.message.header.stamp.as_ns() {
+            0 => arrived.wall_ns,
+            stamp_ns => stamp_ns,
+        };
+        self.stamp_ns = Some(stamp_ns);
+        let skip = std::mem::take(&mut self.skip);
+        self.pairing.state(stamp_ns, arrived.at_ns, Kept { skip, sample });
+    }
+
+    /// Whether a joint state is of this arm and of the publisher that is used.
+    fn admit(&mut self, arrived: &Arrived<JointState>) -> bool {
+        let now = arrived.at_ns;
+        if let Err(why) = self.joints.places(&arrived.message.name) {
             // A gripper on the same topic is nothing wrong.
             if self.source.current().is_some_and(|current| current != arrived.from) {
                 self.counts.other_joints += 1;
-                return;
+                return false;
             }
             self.counts.refused += 1;
             let topic = &self.topic;
             self.problems.count(Problem::Joints, 1, now, || {
-                format!("{topic}: {why}; name the joints in the robot's URDF as its driver does, or give --joint-states another topic")
+                format!(
+                    "{topic}: {why}; name the joints in the robot's URDF as its driver does, or give --joint-states another topic"
+                )
             });
             self.misfit = Some(why);
-            return;
+            return false;
         }
         match self.source.admit(arrived.from, now) {
             Admission::Used => self.both(now),
             Admission::Succession => {
                 self.other = None;
                 self.stamps.restart();
-                self.losses.other_sender(arrived.number);
+                self.losses.expect_number(arrived.number);
             }
             Admission::Foreign => {
                 self.counts.foreign += 1;
                 let before = self.other.map_or(0, |(_, count)| count);
                 self.other = Some((arrived.from, before + 1));
-                return;
+                return false;
             }
         }
-        self.counts.joint_states += 1;
-        let stamp_ns = message.header.stamp.as_ns();
-        let at_ns = match self.stamps.map(stamp_ns, now, arrived.wall_ns) {
-            Mapped::At(at) => at,
+        true
+    }
+
+    /// When a joint state was measured, `CLOCK_MONOTONIC` \[ns\]; `None` where it is not newer than the one before.
+    fn instant(&mut self, arrived: &Arrived<JointState>) -> Option<u64> {
+        let (topic, now, number) = (&self.topic, arrived.at_ns, arrived.number);
+        let stamp_ns = arrived.message.header.stamp.as_ns();
+        match self.stamps.map(stamp_ns, now, arrived.wall_ns) {
+            Mapped::At(at) => Some(at),
             Mapped::Arrival(at) => {
-                let topic = &self.topic;
                 self.problems.count(Problem::NoStamp, 1, now, || {
                     format!(
                         "{topic}: stamps are 0, so the time of arrival counts; the publisher has to set header.stamp"
                     )
                 });
-                at
+                Some(at)
             }
             Mapped::Stepped(at) => {
-                let topic = &self.topic;
                 self.problems.count(Problem::ClockStep, 1, now, || {
                     format!("{topic}: the clock of the stamps was set; rivet begins anew there. Synchronise the clocks of both hosts")
                 });
                 self.losses.restart();
                 self.pairing.restart();
-                at
+                Some(at)
             }
             Mapped::Back => {
-                self.counts.refused += 1;
-                // Its number counts: the next one is no loss.
-                let (topic, number) = (&self.topic, arrived.number);
                 self.problems.count(Problem::StampBack, 1, now, || {
                     format!("{topic}: message {number} is stamped {stamp_ns} ns, not later than the one before; it is left out")
                 });
-                self.losses.other_sender(number + 1);
-                return;
+                // Its number counts: the next one is no loss.
+                self.losses.expect_number(number + 1);
+                None
             }
-        };
-        let hole = self.losses.next(arrived.number, at_ns);
+        }
+    }
+
+    /// Periods before a joint state for which none came.
+    fn hole(&mut self, arrived: &Arrived<JointState>, at_ns: u64) -> u64 {
+        let (topic, now, number) = (&self.topic, arrived.at_ns, arrived.number);
+        let hole = self.losses.next(number, at_ns);
         if hole.lost > 0 {
             self.counts.lost += hole.lost;
-            let (topic, lost) = (&self.topic, hole.lost);
-            self.problems.count(Problem::Lost, lost, now, || {
-                format!("{topic}: {lost} messages were lost before message {}; use a cable or a reliable publisher, and raise net.core.rmem_max", arrived.number)
+            self.problems.count(Problem::Lost, hole.lost, now, || {
+                let lost = hole.lost;
+                format!(
+                    "{topic}: {lost} messages were lost before message {number}; use a cable or a reliable publisher, and raise \
+                     net.core.rmem_max"
+                )
             });
         }
         if !self.losses.rate_fits() {
-            let (topic, usual, period) = (&self.topic, self.losses.usual_s() * 1e3, self.period_s * 1e3);
+            let (usual, period) = (self.losses.usual_s() * 1e3, self.period_s * 1e3);
             self.problems.count(Problem::Rate, 1, now, || {
-                format!("{topic}: joint states come every {usual:.3} ms, sample_period_s of the robot file is {period:.3} ms; make both equal")
+                format!(
+                    "{topic}: joint states come every {usual:.3} ms, sample_period_s of the robot file is {period:.3} ms; make both equal"
+                )
             });
         }
-        let Some(mut sample) = self.sample(message, now) else {
-            self.counts.refused += 1;
-            return;
-        };
-        sample.stamp_ns = at_ns;
-        self.counts.faulty += u64::from(sample.faults != 0);
-        let stamp_ns = if stamp_ns == 0 { arrived.wall_ns } else { stamp_ns };
-        self.stamp_ns = Some(stamp_ns);
-        self.pairing.state(stamp_ns, now, Kept { skip: hole.periods, sample });
+        hole.periods
     }
 
     /// The publisher that is used sends on: another one that was heard meanwhile is no successor.
@@ -349,9 +385,9 @@ impl Intake {
     }
 
     /// A publisher has left.
-    pub fn left(&mut self, guid: Guid) {
-        self.source.left(guid);
-        self.planner.left(guid);
+    pub fn publisher_left(&mut self, guid: Guid) {
+        self.source.publisher_left(guid);
+        self.planner.publisher_left(guid);
     }
 
     /// The publisher of joint states that is used.
@@ -457,6 +493,7 @@ mod tests {
         assert!(news.iter().any(|text| text.contains("effort of joint b is NaN")), "{news:?}");
         assert!(news.iter().any(|text| text.contains("3 names and 1 positions")), "{news:?}");
         assert_eq!((intake.counts().faulty, intake.counts().refused), (3, 1));
+        assert_eq!(out.iter().map(|out| out.skip).collect::<Vec<_>>(), [0, 0, 0, 1], "the refused one is a hole");
     }
 
     #[test]

@@ -5,7 +5,7 @@ const MOST: u64 = 1_000_000;
 /// Share by which the usual step of the stamps may differ from the period.
 const USUAL: f64 = 0.2;
 /// Share of a new step in the usual one.
-const FOLLOW: f64 = 1.0 / 32.0;
+const NEW_STEP_SHARE: f64 = 1.0 / 32.0;
 
 /// What lies between a message and the one before it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -44,12 +44,12 @@ impl Losses {
         };
         let single = step_ns / (lost as f64 + 1.0);
         // One pause does not change what is usual.
-        self.usual_ns += FOLLOW * (single.min(4.0 * self.period_ns) - self.usual_ns);
+        self.usual_ns += NEW_STEP_SHARE * (single.min(4.0 * self.period_ns) - self.usual_ns);
         Hole { lost, periods: lost.max(by_stamp) }
     }
 
-    /// The sender's numbers begin anew; the stamps go on.
-    pub(crate) fn other_sender(&mut self, number: i64) {
+    /// The next message has the number `number`, as of another sender; the stamps go on.
+    pub(crate) fn expect_number(&mut self, number: i64) {
         if let Some((last, _)) = &mut self.last {
             *last = number - 1;
         }
@@ -101,7 +101,7 @@ mod tests {
     fn a_sender_that_comes_back_leaves_the_periods_out() {
         let mut losses = Losses::new(0.002);
         losses.next(4000, 10 * MS);
-        losses.other_sender(1);
+        losses.expect_number(1);
         assert_eq!(losses.next(1, 1010 * MS), Hole { lost: 0, periods: 499 });
         losses.restart();
         assert_eq!(losses.next(2, 9999 * MS), Hole::default());

@@ -61,9 +61,9 @@ pub fn differences(robot: &Robot, text: &str) -> Vec<String> {
         }
     };
     let names = |joints: &[rivet_dynamics::Joint]| joints.iter().map(|joint| joint.name.clone()).collect::<Vec<_>>();
-    let (own, others) = (names(&arm.joints), names(&other.joints));
-    if own != others {
-        return vec![format!("its joints are {}, the robot file's {}", others.join(", "), own.join(", "))];
+    let (expected, found) = (names(&arm.joints), names(&other.joints));
+    if expected != found {
+        return vec![format!("its joints are {}, the robot file's {}", found.join(", "), expected.join(", "))];
     }
     let apart =
         |a: &[f64], b: &[f64]| a.iter().zip(b).any(|(a, b)| (a - b).abs() > SAME * (1.0 + a.abs().max(b.abs())));

@@ -15,7 +15,7 @@ use rivet_realtime::{Shutdown, now_ns};
 use crate::error::Failure;
 use crate::graph::{Graph, Output};
 use crate::messages::{DiagnosticArray, Float64MultiArray, Header, Text, Time, WrenchStamped, topic_part};
-use crate::report::{Own, Report};
+use crate::report::{BridgeState, Report};
 use crate::{model, parameters};
 
 /// Time between two looks at the bus.
@@ -31,7 +31,7 @@ pub(crate) struct Measured {
     /// Positions and stamp of the last joint state \[rad, or m\].
     pub(crate) position: Option<([f64; MAX_JOINTS], Time)>,
     /// What it knows of itself.
-    pub(crate) own: Own,
+    pub(crate) bridge: BridgeState,
 }
 
 /// What both threads see.
@@ -245,8 +245,8 @@ impl Outputs {
 
     fn report(&mut self) {
         self.latest.report = Some(Instant::now());
-        let mut own = self.shared.measured().own.clone();
-        own.not_sent = self.shared.not_sent.load(Ordering::Relaxed);
+        let mut bridge = self.shared.measured().bridge.clone();
+        bridge.not_sent = self.shared.not_sent.load(Ordering::Relaxed);
         let latest = &self.latest;
         let report = Report {
             robot: &self.robot.config.name,
@@ -256,7 +256,7 @@ impl Outputs {
             controller: latest.controller.as_ref(),
             drift: latest.drift.as_ref(),
             parameters: latest.parameters.as_ref(),
-            own: &own,
+            bridge: &bridge,
         };
         let sent = self.writers.diagnostics.send(report.message(Time::from_ns(wall_ns())));
         self.shared.sent(&self.shared.reports, sent);

@@ -15,7 +15,7 @@ const STALE_NS: u64 = 5_000_000_000;
 
 /// What this program knows of itself.
 #[derive(Clone, Debug, Default)]
-pub struct Own {
+pub struct BridgeState {
     /// What came.
     pub counts: Counts,
     /// Samples that the bus lost or refused.
@@ -46,7 +46,7 @@ pub struct Report<'a> {
     /// The last parameters.
     pub parameters: Option<&'a Parameters>,
     /// This program.
-    pub own: &'a Own,
+    pub bridge: &'a BridgeState,
 }
 
 /// A variant's name in words: `WrongPeriod` is "wrong period".
@@ -88,14 +88,14 @@ impl Report<'_> {
     }
 
     fn bridge(&self) -> DiagnosticStatus {
-        let (own, counts) = (self.own, &self.own.counts);
-        let (level, message) = match own.problems.iter().max_by_key(|(serious, _)| *serious) {
+        let (bridge, counts) = (self.bridge, &self.bridge.counts);
+        let (level, message) = match bridge.problems.iter().max_by_key(|(serious, _)| *serious) {
             Some((serious, text)) => (if *serious { Level::Error } else { Level::Warn }, text.clone()),
             None if counts.joint_states == 0 => (Level::Stale, "no joint state has come".to_owned()),
             None => (Level::Ok, "joint states reach the bus".to_owned()),
         };
         let mut values = vec![
-            pair("publishers of joint states", own.publishers),
+            pair("publishers of joint states", bridge.publishers),
             pair("joint states", counts.joint_states),
             pair("joint states on the bus", counts.published),
             pair("joint states lost", counts.lost),
@@ -104,10 +104,10 @@ impl Report<'_> {
             pair("joint states of other publishers", counts.foreign),
             pair("setpoints", counts.setpoints),
             pair("setpoints on the bus", counts.setpoints_published),
-            pair("samples that the bus lost", own.bus_lost),
-            pair("messages not sent", own.not_sent),
+            pair("samples that the bus lost", bridge.bus_lost),
+            pair("messages not sent", bridge.not_sent),
         ];
-        values.extend(own.problems.iter().map(|(_, text)| pair("problem", text)));
+        values.extend(bridge.problems.iter().map(|(_, text)| pair("problem", text)));
         self.status("ROS 2", level, message, values)
     }
 
@@ -184,7 +184,11 @@ impl Report<'_> {
 mod tests {
     use super::*;
 
-    fn report<'a>(own: &'a Own, health: Option<&'a Health>, parameters: Option<&'a Parameters>) -> Report<'a> {
+    fn report<'a>(
+        bridge: &'a BridgeState,
+        health: Option<&'a Health>,
+        parameters: Option<&'a Parameters>,
+    ) -> Report<'a> {
         Report {
             robot: "arm",
             names: &[],
@@ -193,24 +197,24 @@ mod tests {
             controller: None,
             drift: None,
             parameters,
-            own,
+            bridge,
         }
     }
 
     #[test]
     fn levels_follow_what_is_wrong() {
-        let mut own = Own::default();
+        let mut bridge = BridgeState::default();
         let levels =
             |report: &Report<'_>| report.message(Time::default()).status.iter().map(|s| s.level).collect::<Vec<_>>();
-        assert_eq!(levels(&report(&own, None, None)), [3, 3, 3], "nothing has come");
+        assert_eq!(levels(&report(&bridge, None, None)), [3, 3, 3], "nothing has come");
         let health = |mode: DaemonMode, stamp_ns| Health { mode: mode.into(), stamp_ns, ..Health::default() };
         let set = Parameters { stamp_ns: 9_000_000_000, flags: parameter_flags::BAD_INPUT, ..Parameters::default() };
-        own.counts.joint_states = 1;
+        bridge.counts.joint_states = 1;
         let well = health(DaemonMode::Estimating, 9_000_000_000);
-        assert_eq!(levels(&report(&own, Some(&well), Some(&set))), [0, 0, 1]);
-        own.problems = vec![(false, "lost".to_owned()), (true, "no effort".to_owned())];
+        assert_eq!(levels(&report(&bridge, Some(&well), Some(&set))), [0, 0, 1]);
+        bridge.problems = vec![(false, "lost".to_owned()), (true, "no effort".to_owned())];
         let wrong = health(DaemonMode::WrongPeriod, 9_000_000_000);
-        let found = report(&own, Some(&wrong), None).message(Time::default());
+        let found = report(&bridge, Some(&wrong), None).message(Time::default());
         assert_eq!(
             (found.status[0].level, found.status[0].message.as_str()),
             (2, "no effort"),
@@ -218,16 +222,16 @@ mod tests {
         );
         assert_eq!((found.status[1].level, found.status[1].message.as_str()), (2, "wrong period"));
         let old = health(DaemonMode::Estimating, 1_000_000_000);
-        assert_eq!(levels(&report(&own, Some(&old), None))[1], 3);
+        assert_eq!(levels(&report(&bridge, Some(&old), None))[1], 3);
     }
 
     #[test]
     fn every_counter_and_parameter_is_shown() {
-        let own = Own { counts: Counts { lost: 17, ..Counts::default() }, ..Own::default() };
+        let bridge = BridgeState { counts: Counts { lost: 17, ..Counts::default() }, ..BridgeState::default() };
         let mut set = Parameters { count: 1, stamp_ns: 9_000_000_000, ..Parameters::default() };
         (set.values[0], set.std[0], set.state[0]) = (1.5, 0.25, 1);
         let names = ["l1.Izz".to_owned()];
-        let found = Report { names: &names, ..report(&own, None, Some(&set)) }.message(Time::default());
+        let found = Report { names: &names, ..report(&bridge, None, Some(&set)) }.message(Time::default());
         assert!(found.status[0].values.contains(&pair("joint states lost", 17)));
         assert_eq!(found.status[2].values, [pair("l1.Izz", "1.5 +- 0.25 (active)")]);
     }

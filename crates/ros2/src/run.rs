@@ -66,7 +66,7 @@ fn follow<M: DeserializeOwned>(
         register(poll, input, token)?;
         renewed();
     }
-    Ok(changes.left)
+    Ok(changes.departed)
 }
 
 impl Inputs {
@@ -105,7 +105,7 @@ impl Inputs {
         let (now, wall) = (now_ns(), wall_ns());
         let mut best_effort = Vec::new();
         let joint_states = &options.joint_states;
-        let mut left =
+        let mut departed =
             follow(&self.poll, &mut self.joint_states, JOINT_STATES, &mut || best_effort.push(joint_states.clone()))?;
         let mut malformed = Vec::new();
         let found = self.joint_states.take(MOST, now, wall, &mut |arrived| intake.joint_state(&arrived));
@@ -114,18 +114,18 @@ impl Inputs {
             let mut renewed = || best_effort.push(topic.clone());
             let found = match setpoints {
                 Setpoints::ControllerState(input) => {
-                    left.extend(follow(&self.poll, input, SETPOINTS, &mut renewed)?);
+                    departed.extend(follow(&self.poll, input, SETPOINTS, &mut renewed)?);
                     input.take(MOST, now, wall, &mut |arrived| intake.controller_state(&arrived))
                 }
                 Setpoints::Point(input) => {
-                    left.extend(follow(&self.poll, input, SETPOINTS, &mut renewed)?);
+                    departed.extend(follow(&self.poll, input, SETPOINTS, &mut renewed)?);
                     input.take(MOST, now, wall, &mut |arrived| intake.point(&arrived))
                 }
             };
             malformed.push((topic.clone(), found));
         }
-        for guid in left {
-            intake.left(guid);
+        for guid in departed {
+            intake.publisher_left(guid);
         }
         for topic in best_effort {
             intake.problems().count(Problem::BestEffort, 1, now, || {
@@ -280,10 +280,10 @@ impl Turns<'_> {
         let counts = intake.counts();
         {
             let mut measured = self.shared.measured();
-            measured.own.counts = counts;
-            measured.own.bus_lost = lost;
-            measured.own.publishers = inputs.joint_states.publishers();
-            measured.own.problems =
+            measured.bridge.counts = counts;
+            measured.bridge.bus_lost = lost;
+            measured.bridge.publishers = inputs.joint_states.publishers();
+            measured.bridge.problems =
                 intake.problems().present(now).map(|(problem, met)| (problem.is_serious(), met.text.clone())).collect();
         }
         status.draw(&self.robot.config.name, &counts, lost);

@@ -49,7 +49,7 @@ impl Source {
     }
 
     /// A publisher has left.
-    pub fn left(&mut self, guid: Guid) {
+    pub fn publisher_left(&mut self, guid: Guid) {
         if self.current == Some(guid) {
             self.current = None;
         }
@@ -87,7 +87,7 @@ mod tests {
         assert_eq!(source.admit(b, 600_000_000), Admission::Succession, "the first one is silent");
         assert_eq!(source.others(), &[] as &[Guid]);
         assert_eq!(source.admit(a, 601_000_000), Admission::Foreign);
-        source.left(b);
+        source.publisher_left(b);
         assert_eq!(source.admit(a, 602_000_000), Admission::Succession);
     }
 }

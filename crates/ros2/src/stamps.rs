@@ -13,7 +13,7 @@ const SLEW: f64 = 2e-4;
 /// How long stamps may be behind before they are a clock that was set back \[ns\].
 const BACK_NS: u64 = 500_000_000;
 /// Share of a deviation from the period that a message without stamp is corrected by.
-const FOLLOW: f64 = 0.02;
+const ARRIVAL_SHARE: f64 = 0.02;
 /// Periods of deviation from which on a message without stamp is simply new.
 const ANEW_PERIODS: f64 = 20.0;
 
@@ -121,7 +121,7 @@ impl Stamps {
         let instant = if self.mapped_ns == 0 || off.abs() > ANEW_PERIODS * self.period_ns {
             arrival_ns.cast_signed()
         } else {
-            self.mapped_ns.cast_signed() + (self.period_ns + FOLLOW * off).round() as i64
+            self.mapped_ns.cast_signed() + (self.period_ns + ARRIVAL_SHARE * off).round() as i64
         };
         self.later(instant)
     }

@@ -1,6 +1,7 @@
 //! What the tests share: a bus, a domain and two network namespaces of their own, and the programs as processes.
 
 use rivet_ipc_schema::{PrivateBus, RobotName};
+use rustix::process::Signal;
 use serde_json::Value;
 use std::fs::File;
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
@@ -180,6 +181,13 @@ impl Stage {
 /// A child that does not outlive the test.
 pub(crate) struct Process(Child);
 
+impl Process {
+    fn signal(&self, signal: Signal) {
+        let pid = i32::try_from(self.0.id()).ok().and_then(rustix::process::Pid::from_raw).expect("a process");
+        rustix::process::kill_process(pid, signal).expect("it runs");
+    }
+}
+
 impl Drop for Process {
     fn drop(&mut self) {
         let _ = self.0.kill();
@@ -202,9 +210,18 @@ impl Bridge {
 
     /// Ends it by SIGTERM; its counts.
     pub(crate) fn finish(self) -> Value {
-        let pid = i32::try_from(self.process.0.id()).ok().and_then(rustix::process::Pid::from_raw).expect("a process");
-        rustix::process::kill_process(pid, rustix::process::Signal::TERM).expect("it runs");
+        self.finish_by(Signal::TERM)
+    }
+
+    /// Ends it by a signal; its counts.
+    pub(crate) fn finish_by(self, signal: Signal) -> Value {
+        self.process.signal(signal);
         self.wait()
+    }
+
+    /// Ends it by SIGKILL.
+    pub(crate) fn kill(self) {
+        drop(self.process);
     }
 
     /// Waits for its clean end; its counts.
@@ -257,6 +274,11 @@ impl Peer {
     /// Ends it by SIGKILL.
     pub(crate) fn kill(self) {
         drop(self.process);
+    }
+
+    /// Stops it, as a debugger does.
+    pub(crate) fn hang(&self) {
+        self.process.signal(Signal::STOP);
     }
 }
 

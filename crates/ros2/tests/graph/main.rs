@@ -7,6 +7,7 @@ mod common;
 
 use common::{Peer, Stage, eventually};
 use rivet_ipc_schema::{Health, Parameters};
+use rustix::process::Signal;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -152,8 +153,53 @@ fn a_peer_that_is_killed_and_comes_back_is_used_again() {
     let health =
         eventually("health", || health.receive_newest().expect("received").filter(|h| h.seq > after.seq + 400));
     assert_eq!((health.refused_stale, health.refused_invalid, health.dropped_messages), (0, 0, 0), "{health:?}");
+    let summary = bridge.finish_by(Signal::INT);
+    assert_eq!(number(&summary["joint_states"]["lost"]), 0, "{summary}");
+}
+
+/// The program is killed and started again while the robot goes on: the daemon gets samples again.
+#[test]
+fn a_bridge_that_is_killed_and_comes_back_feeds_the_daemon_again() {
+    let Some(stage) = Stage::new("again") else { return };
+    let _daemon = stage.daemon();
+    let bus = stage.join();
+    let health = bus.health_subscriber().expect("a port");
+    let newest = |samples: u64| {
+        eventually("health", || health.receive_newest().expect("received").filter(|health| health.samples > samples))
+    };
+    let bridge = stage.bridge(&[]);
+    let peer = Peer::start(&stage, &["1000000", "no-setpoints"]);
+    let before = newest(500);
+    bridge.kill();
+    let bridge = stage.bridge(&[]);
+    let after = newest(before.samples + 1500);
+    assert_eq!((after.refused_invalid, after.dropped_messages), (0, 0), "{after:?}");
     let summary = bridge.finish();
     assert_eq!(number(&summary["joint_states"]["lost"]), 0, "{summary}");
+    drop(peer);
+}
+
+/// A program on the graph takes nothing any more: the daemon gets every sample all the same.
+#[test]
+fn a_subscriber_that_hangs_holds_nothing_up() {
+    let Some(stage) = Stage::new("hang") else { return };
+    let _daemon = stage.daemon();
+    let bus = stage.join();
+    let health = bus.health_subscriber().expect("a port");
+    let newest = |seq: u64| {
+        eventually("health", || health.receive_newest().expect("received").filter(|health| health.seq >= seq))
+    };
+    let bridge = stage.bridge(&[]);
+    let listener = Peer::start(&stage, &["0", "listen"]);
+    listener.hang();
+    let samples = samples();
+    let peer = Peer::start(&stage, &[&samples.to_string(), "no-setpoints"]);
+    let health = newest(samples);
+    assert_eq!((seen(&health), health.lost, health.dropped_messages), (samples, 0, 0), "{health:?}");
+    peer.finish(&mut || {});
+    let summary = bridge.finish();
+    assert_eq!(number(&summary["joint_states"]["on_bus"]), samples, "{summary}");
+    println!("sent and not sent: {}", summary["sent"]);
 }
 
 /// Joint states of other joints end the program with what was found; best effort is read, and said.
@@ -169,7 +215,7 @@ fn other_joints_are_listed_and_best_effort_is_read() {
     let bus = stage.join();
     let states = bus.joint_state_subscriber().expect("a port");
     let bridge = stage.bridge(&[]);
-    let peer = Peer::start(&stage, &["1000000", "no-setpoints", "best-effort"]);
+    let peer = Peer::start(&stage, &["1000000", "no-setpoints", "best-effort", "other-arm", "malformed"]);
     eventually("samples", || states.receive_newest().expect("received").filter(|state| state.seq > 500));
     // A second one beside it.
     let other = Peer::start(&stage, &["1000000", "no-setpoints", "best-effort"]);
@@ -178,6 +224,8 @@ fn other_joints_are_listed_and_best_effort_is_read() {
     drop((peer, other));
     let problems = summary["problems"].to_string();
     assert!(problems.contains("the publisher offers best effort only"), "{problems}");
+    assert!(problems.contains("a message is not of its type"), "{problems}");
+    assert!(problems.contains("its joints are elbow, the robot file's joint_1"), "{problems}");
     let joint_states = &summary["joint_states"];
     assert!(number(&joint_states["foreign"]) > 0, "{summary}");
     let named = joint_states["other_publishers"][0].as_str().expect("a publisher").to_owned();

@@ -1,9 +1,10 @@
 """A robot on a graph of ROS 2, by Cyclone DDS with its own IDL classes: a simulated arm of one joint.
 
-python3 peer.py DOMAIN SAMPLES [PERIOD_S] [best-effort] [no-setpoints] [no-wait] [names=A,B]
+python3 peer.py DOMAIN SAMPLES [PERIOD_S] [best-effort] [no-setpoints] [no-wait] [listen] [other-arm] [malformed] [names=A,B]
 
 Waits until the bridge reports a publisher on /diagnostics (not with no-wait), publishes SAMPLES joint states with setpoints, and
-prints what came from the bridge meanwhile and two seconds longer as JSON. Prints "publishing" when the first sample is sent.
+prints what came from the bridge meanwhile and two seconds longer as JSON. With listen it publishes nothing and does not end; with
+other-arm it describes another arm; with malformed another program sends messages of another layout. Prints "publishing" when the first sample is sent.
 """
 import json
 import math
@@ -132,6 +133,16 @@ class WrenchStamped(IdlStruct, typename="geometry_msgs::msg::dds_::WrenchStamped
     wrench: Wrench
 
 
+@dataclass
+class OtherLayout(IdlStruct, typename="sensor_msgs::msg::dds_::JointState_"):
+    values: sequence[uint32]
+
+
+OTHER_ARM = """<robot name="other"><link name="base_link"/><link name="l"><inertial><mass value="1"/>
+<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link><joint name="elbow" type="continuous">
+<parent link="base_link"/><child link="l"/><axis xyz="0 0 1"/></joint></robot>"""
+
+
 class Arm:
     """The true arm of the examples: position [rad], velocity [rad/s]."""
 
@@ -175,12 +186,31 @@ def main():
     def reader(name, kind, durability=Policy.Durability.Volatile, depth=5000):
         return DataReader(participant, Topic(participant, name, kind), qos=qos(reliable, durability, depth))
 
+    if "listen" in words:
+        kept = [
+            reader("rt/rivet/example_arm/parameters", Float64MultiArray),
+            reader("rt/diagnostics", DiagnosticArray),
+        ]
+        while not all(reader.get_matched_publications() for reader in kept):
+            time.sleep(0.01)
+        print("publishing", flush=True)
+        while True:
+            time.sleep(1)
     states = writer("rt/joint_states", JointState)
     plans = writer("rt/joint_trajectory_controller/controller_state", ControllerState)
     parameters = reader("rt/rivet/example_arm/parameters", Float64MultiArray)
     wrenches = reader("rt/rivet/example_arm/payload", WrenchStamped)
     diagnostics = reader("rt/diagnostics", DiagnosticArray)
     latched = Policy.Durability.TransientLocal
+
+    if "other-arm" in words:
+        description = Qos(reliable, latched, Policy.History.KeepLast(1))
+        describe = DataWriter(participant, Topic(participant, "rt/robot_description", String), qos=description)
+        describe.write(String(OTHER_ARM))
+
+    if "malformed" in words:
+        other = DomainParticipant(domain)
+        layout = DataWriter(other, Topic(other, "rt/joint_states", OtherLayout), qos=qos(sent))
 
     got = {"parameters": [], "labels": [], "wrenches": 0, "wrench": [], "reports": 0, "status": {}, "urdf": ""}
 
@@ -236,6 +266,8 @@ def main():
         arm.step(torque, period)
         if k % 10 == 0:
             take()
+        if "malformed" in words and k % 100 == 0:
+            layout.write(OtherLayout([2**32 - 1] * 20))
     got["moving"] = dict(got["status"])
     end = time.time() + 2
     while time.time() < end:
