@@ -4,8 +4,12 @@
 const SYNCHRONISED_NS: std::ops::Range<i64> = -5_000_000..500_000_000;
 /// Least latency of a span that needs no correction \[ns\].
 const UNTOUCHED_NS: std::ops::Range<i64> = 0..5_000_000;
-/// Least latency of a span from which on the clock has been set, and not drifted \[ns\].
-const STEP_NS: i64 = 100_000_000;
+/// How far in the future a stamp may be before its clock has been set, and not drifted \[ns\].
+const AHEAD_NS: i64 = 100_000_000;
+/// Least latency, and spread of the latency in a span, of a clock that stood still, as of a simulation that paused \[ns\]. Messages
+/// that waited somewhere come in ever later or ever earlier: their stamps are right.
+const STOOD_STILL_NS: i64 = 1_000_000_000;
+const STEADY_NS: i64 = 50_000_000;
 /// How long the least latency is looked for \[ns\].
 const SPAN_NS: u64 = 1_000_000_000;
 /// Largest correction of a clock that drifts, in parts of time: rates and derivatives stay as they are.
@@ -39,8 +43,9 @@ pub(crate) struct Stamps {
     stamp_ns: i64,
     mapped_ns: u64,
     back_since_ns: Option<u64>,
-    /// Least latency of this span, and when the span began.
+    /// Least and most latency of this span, and when the span began.
     least_ns: i64,
+    most_ns: i64,
     span_ns: u64,
     slew: f64,
 }
@@ -55,6 +60,7 @@ impl Stamps {
             mapped_ns: 0,
             back_since_ns: None,
             least_ns: i64::MAX,
+            most_ns: i64::MIN,
             span_ns: 0,
             slew: 0.0,
         }
@@ -90,12 +96,16 @@ impl Stamps {
         self.offset_ns = Some(offset);
         self.stamp_ns = stamp_ns;
         let mapped = stamp_ns.saturating_add(offset.round() as i64);
-        self.least_ns = self.least_ns.min(arrival - mapped);
+        let latency = arrival - mapped;
+        if latency < -AHEAD_NS {
+            return Mapped::Stepped(self.anchor(stamp_ns, arrival - stamp_ns, arrival_ns));
+        }
+        self.least_ns = self.least_ns.min(latency);
+        self.most_ns = self.most_ns.max(latency);
         if arrival_ns.saturating_sub(self.span_ns) >= SPAN_NS {
-            let least = std::mem::replace(&mut self.least_ns, i64::MAX);
-            self.span_ns = arrival_ns;
-            self.slew = 0.0;
-            if least.abs() > STEP_NS {
+            let (least, most) = (self.least_ns, self.most_ns);
+            (self.least_ns, self.most_ns, self.span_ns, self.slew) = (i64::MAX, i64::MIN, arrival_ns, 0.0);
+            if least > STOOD_STILL_NS && most - least < STEADY_NS {
                 return Mapped::Stepped(self.anchor(stamp_ns, arrival - stamp_ns, arrival_ns));
             }
             if !UNTOUCHED_NS.contains(&least) {
@@ -109,9 +119,7 @@ impl Stamps {
         self.offset_ns = Some(offset_ns as f64);
         self.stamp_ns = stamp_ns;
         self.back_since_ns = None;
-        self.least_ns = i64::MAX;
-        self.span_ns = arrival_ns;
-        self.slew = 0.0;
+        (self.least_ns, self.most_ns, self.span_ns, self.slew) = (i64::MAX, i64::MIN, arrival_ns, 0.0);
         self.later(stamp_ns.saturating_add(offset_ns))
     }
 
@@ -204,20 +212,36 @@ mod tests {
     }
 
     #[test]
-    fn a_clock_that_was_set_forward_is_followed_after_a_second() {
+    fn a_clock_that_was_set_forward_or_stood_still_is_followed() {
         let mut stamps = Stamps::new(0.002);
-        let mut last = 0;
-        let mut steps = 0;
-        for k in 1..2000_u64 {
-            let arrival = 5_000_000_000 + 2 * MS * k;
+        let (mut last, mut steps) = (0, Vec::new());
+        for k in 1..4000_u64 {
+            // Set forward by an hour at 500, paused for a minute at 2000.
+            let arrival = 5_000_000_000 + 2 * MS * k + if k > 2000 { 60_000 * MS } else { 0 };
             let jump = if k > 500 { 3_600_000_000_000 } else { 0 };
             let mapped = stamps.map((1_000_000_000 + 2 * MS * k).cast_signed() + jump, arrival, 0);
             let (Mapped::At(at) | Mapped::Stepped(at)) = mapped else { panic!("{mapped:?}") };
-            steps += u32::from(matches!(mapped, Mapped::Stepped(_)));
-            assert!(at > last);
+            assert!(at > last && at <= arrival + 2 * MS, "{k}");
+            if matches!(mapped, Mapped::Stepped(_)) {
+                steps.push(k);
+            }
             last = at;
         }
-        assert!((1..=2).contains(&steps), "{steps}");
+        assert_eq!(steps[0], 501, "at once: nothing is measured in the future");
+        assert!(steps.len() == 2 && (2001..3100).contains(&steps[1]), "{steps:?}");
+    }
+
+    #[test]
+    fn messages_that_waited_keep_their_stamps() {
+        let mut stamps = Stamps::new(0.002);
+        for k in 1..6000_u64 {
+            let measured = 5_000_000_000 + 2 * MS * k;
+            // Nothing comes for four seconds; then what waited comes five times as fast.
+            let arrival =
+                if k < 1000 { measured } else { measured.max(5_000_000_000 + 6000 * MS + 2 * MS * (k - 1000) / 5) };
+            let Mapped::At(at) = stamps.map(wall(measured), arrival, wall(arrival)) else { panic!("{k}") };
+            assert!(at.abs_diff(measured) < 2 * MS, "{k}");
+        }
     }
 
     #[test]

@@ -173,10 +173,10 @@ fn a_bridge_that_is_killed_and_comes_back_feeds_the_daemon_again() {
     bridge.kill();
     let bridge = stage.bridge(&[]);
     let after = newest(before.samples + 1500);
-    assert_eq!((after.refused_invalid, after.dropped_messages), (0, 0), "{after:?}");
     let summary = bridge.finish();
-    assert_eq!(number(&summary["joint_states"]["lost"]), 0, "{summary}");
     drop(peer);
+    assert_eq!((after.refused_invalid, after.dropped_messages), (0, 0), "{summary} {after:?}");
+    assert_eq!(number(&summary["joint_states"]["lost"]), 0, "{summary}");
 }
 
 /// A program on the graph takes nothing any more: the daemon gets every sample all the same.

@@ -181,7 +181,8 @@ def main():
         return Qos(reliability, durability, Policy.History.KeepLast(depth))
 
     def writer(name, kind):
-        return DataWriter(participant, Topic(participant, name, kind), qos=qos(sent))
+        # Ten messages, as ROS 2 does by default.
+        return DataWriter(participant, Topic(participant, name, kind), qos=qos(sent, depth=10))
 
     def reader(name, kind, durability=Policy.Durability.Volatile, depth=5000):
         return DataReader(participant, Topic(participant, name, kind), qos=qos(reliable, durability, depth))
@@ -210,7 +211,7 @@ def main():
 
     if "malformed" in words:
         other = DomainParticipant(domain)
-        layout = DataWriter(other, Topic(other, "rt/joint_states", OtherLayout), qos=qos(sent))
+        layout = DataWriter(other, Topic(other, "rt/joint_states", OtherLayout), qos=qos(sent, depth=10))
 
     got = {"parameters": [], "labels": [], "wrenches": 0, "wrench": [], "reports": 0, "status": {}, "urdf": ""}
 
