@@ -67,8 +67,6 @@ enum Command {
     Convert(convert::Args),
     /// Record what robot, rivetd and rivet-controller publish, as MCAP
     Record(record::Args),
-    /// Connect an arm that speaks ROS 2 to rivetd, by DDS; the program rivet-ros2
-    Ros2(ros2::Args),
     /// Predict the torque of a log
     Predict(predict::Args),
     /// Compute the figures of the paper, with the numbers that must hold
@@ -81,6 +79,8 @@ enum Command {
     Monitor(monitor::Args),
     /// Send a command to a running rivetd: freeze, resume, reset, save, reload
     Control(control::Args),
+    /// Connect an arm that speaks ROS 2 to rivetd, by DDS; the program rivet-ros2
+    Ros2(ros2::Args),
     /// Check this machine for real time, and print what to change
     Doctor(doctor::Args),
     /// Measure what the daemon's loop adds to the wake-up latency of cyclictest
@@ -134,13 +134,13 @@ fn main() -> ExitCode {
         Command::Inspect(args) => inspect::run(args),
         Command::Convert(args) => convert::run(args),
         Command::Record(args) => record::run(args),
-        Command::Ros2(args) => ros2::run(args),
         Command::Predict(args) => predict::run(args),
         Command::Figures(args) => figures::run(args),
         Command::New(args) => new::run(args),
         Command::Check(args) => check::run(args),
         Command::Monitor(args) => monitor::run(args),
         Command::Control(args) => control::run(args),
+        Command::Ros2(args) => ros2::run(args),
         Command::Doctor(args) => doctor::run(args),
         Command::BenchLoop(args) => bench_loop::run(args),
         Command::Study(args) => study::run(args),

@@ -168,10 +168,10 @@ impl Robot {
         if self.samples.is_abandoned() { Status::Ended } else { Status::Ok }
     }
 
-    /// Leaves out the sequence numbers of `periods` whose samples never came to this process, as on a network: the others see
-    /// lost samples, and compute no velocity across them.
+    /// Leaves out the sequence numbers of `periods` samples that never reached the caller, such as those of a network that
+    /// lost them. The others count them as lost, and no velocity is computed across the hole.
     ///
-    /// Real-time safe: no allocation, no system call.
+    /// Real-time safe.
     pub fn skip(&mut self, periods: u64) {
         self.seq = self.seq.saturating_add(periods);
         self.skipped = self.skipped.saturating_add(periods);
@@ -218,7 +218,7 @@ impl Robot {
         self.controller_health.get()
     }
 
-    /// How many samples went where. Real-time safe.
+    /// How many samples went where; the sequence number of the last one is that of the published and the skipped. Real-time safe.
     pub fn counters(&self) -> Counters {
         Counters {
             published: self.seq - self.skipped,

@@ -23,6 +23,8 @@ pub enum Admission {
 #[derive(Clone, Debug, Default)]
 pub struct Source {
     current: Option<Guid>,
+    /// The one that was used last, also when it has left.
+    last: Option<Guid>,
     heard_ns: u64,
     foreign: u64,
     others: Vec<Guid>,
@@ -33,6 +35,8 @@ impl Source {
     pub fn admit(&mut self, from: Guid, now_ns: u64) -> Admission {
         let admission = match self.current {
             Some(current) if current == from => Admission::Used,
+            // The link was cut for longer than DDS waits.
+            None if self.last == Some(from) => Admission::Used,
             Some(_) if now_ns.saturating_sub(self.heard_ns) <= SUCCESSION_NS => {
                 self.foreign += 1;
                 if self.others.len() < NAMED && !self.others.contains(&from) {
@@ -42,7 +46,7 @@ impl Source {
             }
             _ => Admission::Succession,
         };
-        self.current = Some(from);
+        (self.current, self.last) = (Some(from), Some(from));
         self.others.retain(|other| *other != from);
         self.heard_ns = now_ns;
         admission
@@ -89,5 +93,7 @@ mod tests {
         assert_eq!(source.admit(a, 601_000_000), Admission::Foreign);
         source.publisher_left(b);
         assert_eq!(source.admit(a, 602_000_000), Admission::Succession);
+        source.publisher_left(a);
+        assert_eq!(source.admit(a, 99_000_000_000), Admission::Used, "the same one, after a cut");
     }
 }

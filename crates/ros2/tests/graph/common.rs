@@ -125,6 +125,18 @@ impl Stage {
         if self.network.is_some() { "two network namespaces" } else { "loopback" }
     }
 
+    /// Cuts the cable, or joins it again; whether there is one.
+    pub(crate) fn cut(&self, cut: bool) -> bool {
+        let Some(Namespaces([name, _])) = &self.network else {
+            skipped("no network namespaces here; the link is not cut");
+            return false;
+        };
+        let state = if cut { "down" } else { "up" };
+        let status = Command::new("ip").args(["-n", name, "link", "set", name, state]).status().expect("ip runs");
+        assert!(status.success());
+        true
+    }
+
     pub(crate) fn domain(&self) -> u16 {
         self.domain
     }

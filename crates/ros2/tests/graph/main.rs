@@ -232,6 +232,45 @@ fn other_joints_are_listed_and_best_effort_is_read() {
     assert!(problems.contains(&named), "{problems}");
 }
 
+/// The link between robot and bridge is cut for seconds, `RIVET_ROS2_CUT_S`: what was lost is counted on both sides of the bridge, samples and
+/// reports come again.
+#[test]
+fn a_link_that_is_cut_and_comes_back_is_used_again() {
+    let Some(stage) = Stage::new("cut") else { return };
+    let _daemon = stage.daemon();
+    let bus = stage.join();
+    let health = bus.health_subscriber().expect("a port");
+    let states = bus.joint_state_subscriber().expect("a port");
+    let newest = |samples: u64| {
+        eventually("health", || health.receive_newest().expect("received").filter(|health| health.samples > samples))
+    };
+    let bridge = stage.bridge(&[]);
+    let cut_s = std::env::var("RIVET_ROS2_CUT_S").ok().and_then(|text| text.parse().ok()).unwrap_or(3);
+    let samples = 4000 + 500 * cut_s;
+    let peer = Peer::start(&stage, &[&samples.to_string(), "no-setpoints"]);
+    newest(500);
+    if !stage.cut(true) {
+        return;
+    }
+    std::thread::sleep(Duration::from_secs(cut_s));
+    while states.receive_newest().expect("received").is_some() {}
+    stage.cut(false);
+    let back = Instant::now();
+    eventually("samples", || states.receive_newest().expect("received"));
+    println!("used again {:.3} s after a cut of {cut_s} s", back.elapsed().as_secs_f64());
+    let reports_before = newest(1000);
+    let got = peer.finish(&mut || {});
+    let health = newest(reports_before.samples + 500);
+    let summary = bridge.finish();
+    let [received, lost] = ["received", "lost"].map(|key| number(&summary["joint_states"][key]));
+    assert!(lost > 100 * cut_s, "{summary}");
+    assert_eq!(received + lost, samples, "{summary}");
+    assert_eq!((seen(&health), health.lost), (received, lost), "{health:?}");
+    assert_eq!((health.refused_invalid, health.dropped_messages), (0, 0), "{health:?}");
+    let status = &got["status"]["rivet example-arm: ROS 2"];
+    assert_eq!(status["values"]["joint states lost"], lost.to_string().as_str(), "the report after the cut: {status}");
+}
+
 /// Domains separate graphs.
 #[test]
 fn another_domain_is_another_graph() {
