@@ -7,7 +7,8 @@ use rustdds::no_key::{DataReader, DataWriter};
 use rustdds::policy::{Durability, History, Reliability};
 use rustdds::{
     CDRDeserializerAdapter, CDRSerializerAdapter, DataReaderStatus, DomainParticipant, DomainParticipantBuilder,
-    Publisher, QosPolicies, QosPolicyBuilder, ReadCondition, StatusEvented as _, Subscriber, Topic, TopicKind, mio1,
+    DomainParticipantStatusEvent, DomainParticipantStatusListener, LostReason, Publisher, QosPolicies,
+    QosPolicyBuilder, ReadCondition, StatusEvented as _, Subscriber, Topic, TopicKind, mio1,
 };
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -47,6 +48,9 @@ fn refused(what: &str, why: &impl std::fmt::Debug) -> GraphError {
 
 /// This program on the graph.
 pub(crate) struct Graph {
+    domain: u16,
+    interfaces: Vec<IpAddr>,
+    status: DomainParticipantStatusListener,
     participant: DomainParticipant,
     publisher: Publisher,
     subscriber: Subscriber,
@@ -66,7 +70,29 @@ impl Graph {
         let qos = QosPolicyBuilder::new().build();
         let publisher = participant.create_publisher(&qos).map_err(|why| refused("no publisher", &why))?;
         let subscriber = participant.create_subscriber(&qos).map_err(|why| refused("no subscriber", &why))?;
-        Ok(Graph { participant, publisher, subscriber })
+        let status = participant.status_listener();
+        Ok(Graph { domain, interfaces: interfaces.to_vec(), status, participant, publisher, subscriber })
+    }
+
+    /// Joins once more, as another participant.
+    ///
+    /// # Errors
+    /// The library's.
+    pub(crate) fn rejoin(&self) -> Result<Graph, GraphError> {
+        Graph::join(self.domain, &self.interfaces)
+    }
+
+    /// Whether another participant has been silent for longer than its lease since the last call, as behind a link that is cut.
+    ///
+    /// It may still know this participant, whose lease is longer, and then does not introduce itself again: only another
+    /// participant reaches it.
+    pub(crate) fn has_lost_a_peer(&self) -> bool {
+        let events = std::iter::from_fn(|| self.status.try_recv_status());
+        let is_timeout = |event| {
+            matches!(event, DomainParticipantStatusEvent::ParticipantLost { reason: LostReason::Timeout { .. }, .. })
+        };
+        // All of them: the queue has an end.
+        events.filter_map(|event| is_timeout(event).then_some(())).count() > 0
     }
 
     fn topic<M: RosMessage>(&self, topic: &str, qos: &QosPolicies) -> Result<Topic, GraphError> {

@@ -7,13 +7,13 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use rivet_config::Robot;
 use rivet_ipc_schema::{
-    Bus, BusConfig, BusError, ConsistentParameters, ControllerHealth, Drift, Health, MAX_JOINTS, Parameters, PortError,
-    RobotName, Subscriber, parameter_flags,
+    Bus, BusConfig, BusError, ConsistentParameters, ControllerHealth, Drift, Health, MAX_JOINTS, Parameters, RobotName,
+    Subscriber, parameter_flags,
 };
 use rivet_realtime::{Shutdown, now_ns};
 
 use crate::error::Failure;
-use crate::graph::{Graph, Output};
+use crate::graph::{Graph, GraphError, Output};
 use crate::messages::{DiagnosticArray, Float64MultiArray, Header, Text, Time, WrenchStamped, topic_part};
 use crate::report::{BridgeState, Report};
 use crate::{model, parameters};
@@ -43,6 +43,8 @@ pub(crate) struct Shared {
     pub(crate) urdfs: AtomicU64,
     pub(crate) reports: AtomicU64,
     pub(crate) not_sent: AtomicU64,
+    /// How often the graph was joined again.
+    pub(crate) rejoined: AtomicU64,
 }
 
 impl Shared {
@@ -106,14 +108,26 @@ struct Writers {
     diagnostics: Output<DiagnosticArray>,
 }
 
+impl Writers {
+    fn open(graph: &Graph, topics: &Topics) -> Result<Writers, GraphError> {
+        Ok(Writers {
+            parameters: graph.output(&topics.parameters, false)?,
+            payload: graph.output(&topics.payload, false)?,
+            description: graph.output(&topics.description, true)?,
+            diagnostics: graph.output(&topics.diagnostics, false)?,
+        })
+    }
+}
+
 /// What the outputs need.
 pub(crate) struct Start<'a> {
     pub(crate) robot: Arc<Robot>,
     /// Text of the robot file's URDF.
     pub(crate) urdf: String,
     pub(crate) config: &'a BusConfig,
-    pub(crate) graph: &'a Graph,
-    pub(crate) topics: &'a Topics,
+    /// Of the outputs alone: they join again without an interruption of the inputs.
+    pub(crate) graph: Graph,
+    pub(crate) topics: Topics,
     pub(crate) shared: Arc<Shared>,
 }
 
@@ -124,6 +138,8 @@ pub(crate) struct Outputs {
     urdf: String,
     ports: Ports,
     writers: Writers,
+    graph: Graph,
+    topics: Topics,
     shared: Arc<Shared>,
     latest: Latest,
 }
@@ -135,6 +151,8 @@ struct Latest {
     health: Option<Health>,
     controller: Option<ControllerHealth>,
     drift: Option<Drift>,
+    /// The last URDF.
+    description: Option<String>,
     /// Time of the last URDF and of the last report.
     urdf: Option<Instant>,
     report: Option<Instant>,
@@ -148,12 +166,7 @@ impl Outputs {
     /// The bus's, the graph's, the system's.
     pub(crate) fn start(start: Start<'_>, shutdown: &Shutdown) -> Result<JoinHandle<()>, Failure> {
         let Start { robot, urdf, config, graph, topics, shared } = start;
-        let writers = Writers {
-            parameters: graph.output(&topics.parameters, false)?,
-            payload: graph.output(&topics.payload, false)?,
-            description: graph.output(&topics.description, true)?,
-            diagnostics: graph.output(&topics.diagnostics, false)?,
-        };
+        let writers = Writers::open(&graph, &topics)?;
         let (report, opened) = mpsc::channel();
         let (config, shutdown) = (config.clone(), shutdown.clone());
         let work = move || {
@@ -164,7 +177,8 @@ impl Outputs {
                 Ok(ports) => {
                     let _ = report.send(Ok(()));
                     let names = (0..robot.base.len()).map(|i| robot.base.name(&robot.model, i)).collect();
-                    Outputs { robot, names, urdf, ports, writers, shared, latest: Latest::default() }.run(&shutdown);
+                    Outputs { robot, names, urdf, ports, graph, topics, writers, shared, latest: Latest::default() }
+                        .run(&shutdown);
                 }
                 Err(why) => {
                     let _ = report.send(Err(why));
@@ -190,7 +204,23 @@ impl Outputs {
         }
     }
 
-    fn turn(&mut self) -> Result<(), PortError> {
+    /// Joins once more where a participant was lost without a goodbye: it may be back.
+    fn rejoin_if_lost(&mut self) -> Result<(), GraphError> {
+        if self.graph.has_lost_a_peer() {
+            let graph = self.graph.rejoin()?;
+            self.writers = Writers::open(&graph, &self.topics)?;
+            self.graph = graph;
+            self.shared.rejoined.fetch_add(1, Ordering::Relaxed);
+            // Who comes later gets the URDF as before.
+            if let Some(data) = self.latest.description.clone() {
+                self.shared.sent(&self.shared.urdfs, self.writers.description.send(Text { data }));
+            }
+        }
+        Ok(())
+    }
+
+    fn turn(&mut self) -> Result<(), Failure> {
+        self.rejoin_if_lost()?;
         for _ in 0..self.ports.parameters.capacity() {
             let Some(set) = self.ports.parameters.receive()? else { break };
             // Of another model the names would be wrong.
@@ -232,6 +262,7 @@ impl Outputs {
         let Some(set) = self.latest.consistent.take() else { return };
         match model::consistent_urdf(&self.robot, &self.urdf, &set) {
             Ok(data) => {
+                self.latest.description = Some(data.clone());
                 self.shared.sent(&self.shared.urdfs, self.writers.description.send(Text { data }));
                 self.latest.urdf = Some(Instant::now());
             }

@@ -44,6 +44,9 @@ enum Setpoints {
 
 /// Everything that comes from the graph.
 struct Inputs {
+    graph: Graph,
+    /// Whether a participant was lost without a goodbye.
+    has_lost_a_peer: bool,
     poll: Poll,
     joint_states: Input<JointState>,
     setpoints: Option<Setpoints>,
@@ -70,7 +73,7 @@ fn follow<M: DeserializeOwned>(
 }
 
 impl Inputs {
-    fn open(graph: &Graph, options: &Options) -> Result<Inputs, Failure> {
+    fn open(graph: Graph, options: &Options) -> Result<Inputs, Failure> {
         let poll = Poll::new()?;
         let mut joint_states = graph.input(&options.joint_states, false)?;
         register(&poll, &mut joint_states, JOINT_STATES)?;
@@ -89,7 +92,17 @@ impl Inputs {
         };
         let mut description = graph.input(&options.robot_description, true)?;
         register(&poll, &mut description, DESCRIPTION)?;
-        Ok(Inputs { poll, joint_states, setpoints, description })
+        Ok(Inputs { graph, has_lost_a_peer: false, poll, joint_states, setpoints, description })
+    }
+
+    /// Joins once more where the publisher of joint states was lost without a goodbye; whether it did.
+    fn rejoin_if_lost(&mut self, options: &Options) -> Result<bool, Failure> {
+        self.has_lost_a_peer |= self.graph.has_lost_a_peer();
+        let rejoins = self.has_lost_a_peer && self.joint_states.publishers() == 0;
+        if rejoins {
+            *self = Inputs::open(self.graph.rejoin()?, options)?;
+        }
+        Ok(rejoins)
     }
 
     /// Sleeps until something comes.
@@ -173,13 +186,13 @@ pub fn run(options: &Options) -> Result<(), Failure> {
     let graph = Graph::join(domain, &options.interface)?;
     let topics = Topics::new(&robot.config.name);
     let shared = Arc::new(Shared::default());
-    let mut inputs = Inputs::open(&graph, options)?;
+    let mut inputs = Inputs::open(Graph::join(domain, &options.interface)?, options)?;
     let start = Start {
         robot: Arc::clone(&robot),
         urdf,
         config: &config,
-        graph: &graph,
-        topics: &topics,
+        graph,
+        topics: topics.clone(),
         shared: Arc::clone(&shared),
     };
     let thread = Outputs::start(start, &shutdown)?;
@@ -233,6 +246,9 @@ impl Turns<'_> {
         while !self.shutdown.is_requested() && !is_over() {
             inputs.wait(&mut events, if intake.waits() { SHORT_TURN } else { TURN })?;
             inputs.take(intake, self.options)?;
+            if inputs.rejoin_if_lost(self.options)? {
+                self.shared.rejoined.fetch_add(1, Ordering::Relaxed);
+            }
             let mut last_ns = None;
             while let Some(out) = intake.next(now_ns()) {
                 sender.skip(out.skip);
@@ -348,6 +364,7 @@ fn summary(
             topics.description.clone(): sent(&shared.urdfs), topics.diagnostics.clone(): sent(&shared.reports),
             "not_sent": sent(&shared.not_sent),
         },
+        "rejoined": sent(&shared.rejoined),
         "problems": problems,
     })
 }
