@@ -31,6 +31,7 @@ mod predict;
 mod record;
 mod replay;
 mod robot;
+mod ros2;
 mod stream;
 mod study;
 mod summary;
@@ -82,6 +83,8 @@ enum Command {
     Monitor(monitor::Args),
     /// Send a command to a running rivetd: freeze, resume, reset, save, reload
     Control(control::Args),
+    /// Connect an arm that speaks ROS 2 to rivetd, by DDS; the program rivet-ros2
+    Ros2(ros2::Args),
     /// Check this machine for real time, and print what to change
     Doctor(doctor::Args),
     /// Measure what the daemon's loop adds to the wake-up latency of cyclictest
@@ -142,6 +145,7 @@ fn main() -> ExitCode {
         Command::Check(args) => check::run(args),
         Command::Monitor(args) => monitor::run(args),
         Command::Control(args) => control::run(args),
+        Command::Ros2(args) => ros2::run(args),
         Command::Doctor(args) => doctor::run(args),
         Command::BenchLoop(args) => bench_loop::run(args),
         Command::Study(args) => study::run(args),

@@ -1,0 +1,127 @@
+//! The command line.
+
+use std::net::IpAddr;
+use std::path::PathBuf;
+
+use crate::messages::dds_topic;
+
+/// Topic of what a joint trajectory controller plans, under the usual name of the controller.
+const POINT: &str = "trajectory_msgs/msg/JointTrajectoryPoint";
+
+/// Joins a graph of ROS 2: joint states and setpoints to rivetd; parameters, diagnostics, payload and URDF to the graph.
+#[derive(Clone, Debug, clap::Parser)]
+#[command(name = "rivet-ros2", version, max_term_width = 100)]
+pub struct Options {
+    /// The robot file.
+    #[arg(value_name = "ROBOT.toml")]
+    pub robot: PathBuf,
+    /// Domain of the graph; ROS_DOMAIN_ID by default, 0 without it
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(0..=232))]
+    pub domain: Option<u16>,
+    /// Topic of sensor_msgs/JointState
+    #[arg(long, value_name = "TOPIC", default_value = "/joint_states", value_parser = topic)]
+    pub joint_states: String,
+    /// Topic of setpoints, such as /joint_trajectory_controller/controller_state; none by default
+    #[arg(long, value_name = "TOPIC", value_parser = topic)]
+    pub setpoint: Option<String>,
+    /// What the setpoints are
+    #[arg(long, value_enum, default_value = "controller-state", requires = "setpoint")]
+    pub setpoint_type: SetpointType,
+    /// How long a joint state waits for its setpoint
+    #[arg(long, value_name = "MS", default_value_t = 10.0, value_parser = patience)]
+    pub patience_ms: f64,
+    /// Topic of the URDF that is compared with the robot file
+    #[arg(long, value_name = "TOPIC", default_value = "/robot_description", value_parser = topic)]
+    pub robot_description: String,
+    /// Use only the network interface with this address (again for more)
+    #[arg(long, value_name = "IP")]
+    pub interface: Vec<IpAddr>,
+    /// End after so many seconds
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    pub seconds: Option<f64>,
+    /// Print the counts at the end as JSON
+    #[arg(long)]
+    pub json: bool,
+    /// Override `[bus] prefix`
+    #[arg(long)]
+    pub prefix: Option<String>,
+    /// Override `[bus] root`
+    #[arg(long)]
+    pub root: Option<PathBuf>,
+    /// End when the process that started this one ends
+    #[arg(long, hide = true)]
+    pub die_with_parent: bool,
+}
+
+/// Messages that hold a setpoint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum SetpointType {
+    /// control_msgs/JointTrajectoryControllerState: its first point (desired or reference), joints by name, paired by stamp
+    ControllerState,
+    /// trajectory_msgs/JointTrajectoryPoint: joints in the robot file's order, paired with the last joint state
+    #[value(help = POINT.to_owned() + ": joints in the robot file's order, paired with the last joint state")]
+    Point,
+}
+
+fn topic(text: &str) -> Result<String, String> {
+    dds_topic(text)?;
+    Ok(text.to_owned())
+}
+
+fn within(text: &str, least: f64, most: f64) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "no number".to_owned())?;
+    if (least..=most).contains(&value) { Ok(value) } else { Err(format!("it must lie in {least} to {most}")) }
+}
+
+fn patience(text: &str) -> Result<f64, String> {
+    within(text, 0.0, 1000.0)
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    within(text, 1e-3, 1e9)
+}
+
+impl Options {
+    /// The domain: of the command line, else of `variable` (ROS_DOMAIN_ID), else 0.
+    ///
+    /// # Errors
+    /// The variable is no domain.
+    pub fn domain_or(&self, variable: Option<&str>) -> Result<u16, String> {
+        match (self.domain, variable) {
+            (Some(domain), _) => Ok(domain),
+            (None, None | Some("")) => Ok(0),
+            (None, Some(text)) => match text.parse() {
+                Ok(domain) if domain <= 232 => Ok(domain),
+                _ => Err(format!("ROS_DOMAIN_ID is {text}; it must be a number from 0 to 232")),
+            },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::{CommandFactory as _, Parser as _};
+
+    #[test]
+    fn the_command_line_is_sound() {
+        Options::command().debug_assert();
+        let parse = |line: &str| Options::try_parse_from(line.split_whitespace());
+        let options = parse("rivet-ros2 robot.toml").expect("all have defaults");
+        assert_eq!((options.joint_states.as_str(), options.setpoint.as_deref()), ("/joint_states", None));
+        for wrong in
+            ["--domain 233", "--joint-states /a-b", "--setpoint-type point", "--seconds 0", "--patience-ms nan"]
+        {
+            assert!(parse(&format!("rivet-ros2 robot.toml {wrong}")).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn the_domain_is_the_command_lines_then_the_environments() {
+        let options = |line: &str| Options::try_parse_from(line.split_whitespace()).expect("sound");
+        assert_eq!(options("x r.toml --domain 7").domain_or(Some("5")), Ok(7));
+        assert_eq!(options("x r.toml").domain_or(Some("5")), Ok(5));
+        assert_eq!(options("x r.toml").domain_or(None), Ok(0));
+        assert!(options("x r.toml").domain_or(Some("233")).is_err());
+    }
+}
