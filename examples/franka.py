@@ -24,12 +24,12 @@ STIFFNESS = [600.0, 600.0, 600.0, 600.0, 250.0, 150.0, 50.0]  # [N m/rad]
 DAMPING = [50.0, 50.0, 50.0, 50.0, 30.0, 25.0, 15.0]  # [N m s/rad]
 
 
-def plan(start, t):
-    """Positions [rad], velocities [rad/s] and accelerations [rad/s^2] at `t` [s], from rest at `start`."""
-    blend, d_blend, dd_blend = 1.0, 0.0, 0.0
-    if t < 2.0:  # the amplitude rises in 2 s
-        s = t / 2
-        blend, d_blend, dd_blend = s**3 * (10 - 15 * s + 6 * s * s), 15 * s * s * (1 - s) ** 2, 15 * s * (1 - s) * (1 - 2 * s)
+def plan(start, t, end):
+    """Positions [rad], velocities [rad/s] and accelerations [rad/s^2] at `t` [s], from rest at `start` to rest there at `end`."""
+    s, sign = (t / 2, 1) if t < end / 2 else ((end - t) / 2, -1)  # the amplitude rises and falls in 2 s
+    s = min(max(s, 0.0), 1.0)
+    blend, d_blend, dd_blend = s**3 * (10 - 15 * s + 6 * s * s), 15 * s * s * (1 - s) ** 2, 15 * s * (1 - s) * (1 - 2 * s)
+    d_blend *= sign
     q, qd, qdd = list(start), [0.0] * JOINTS, [0.0] * JOINTS
     for j in range(JOINTS):
         for a, f in [(MIDDLE[j], 0.0), *zip(AMPLITUDE[j], FREQUENCY[j])]:
@@ -48,18 +48,21 @@ def torque(state, planned):
 
 
 def main(host, log, seconds=40.0, lag=0):
+    seconds, lag = float(seconds), int(lag)
+    if seconds < 4.0 or lag < 0:
+        sys.exit("SECONDS is at least 4, LAG at least 0")
     robot = Robot(host, RealtimeConfig.kIgnore)
     names = ["q", "tau", "q_des", "qd_des", "qdd_des"]
-    with open(log, "w", newline="") as file:
+    with open(log, "x", newline="") as file:  # a recording replaces no file
         rows = csv.writer(file)
         rows.writerow(["t"] + [f"{name}{j + 1}" for name in names for j in range(JOINTS)])
         control = robot.start_torque_control()
         state, _ = control.readOnce()
         start, begin, t, waiting = list(state.q), state.time.to_sec(), 0.0, []
-        while t < float(seconds):
-            planned = plan(start, t)
+        while t < seconds:
+            planned = plan(start, t, seconds)
             waiting.append((t, state.q, planned))
-            if len(waiting) > int(lag):  # tau_J: torque of the joints, gravity included [N m]
+            if len(waiting) > lag:  # tau_J: torque of the joints, gravity included [N m]
                 row_t, q, (q_des, qd_des, qdd_des) = waiting.pop(0)
                 rows.writerow([f"{value:.9g}" for value in [row_t, *q, *state.tau_J, *q_des, *qd_des, *qdd_des]])
             control.writeOnce(Torques(torque(state, planned)))

@@ -12,7 +12,13 @@ fn alone() -> (tempfile::TempDir, PathBuf) {
     (folder, program)
 }
 
+/// One test: a program that one thread copies is busy while another thread forks.
 #[test]
+fn names_the_command_that_builds_it_and_hands_words_and_exit_code_on() {
+    names_the_command_that_builds_it();
+    hands_words_and_exit_code_on();
+}
+
 fn names_the_command_that_builds_it() {
     let (_folder, program) = alone();
     let output = Command::new(program).args(["ros2", "robot.toml", "--domain", "7"]).output().expect("it runs");
@@ -21,7 +27,6 @@ fn names_the_command_that_builds_it() {
     assert_eq!(output.status.code(), Some(70), "{said}");
 }
 
-#[test]
 fn hands_words_and_exit_code_on() {
     let (folder, program) = alone();
     let other = folder.path().join("rivet-ros2");

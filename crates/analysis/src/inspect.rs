@@ -25,9 +25,6 @@ const MOST_TOPICS: usize = 3;
 /// Why a recording without positions is refused.
 pub(crate) const NO_POSITIONS: &str =
     "no group of columns looks like joint positions; give the URDF and --map q=PATTERN";
-/// The reading of a channel where no reading fits the arm of the robot file.
-const UNDECIDED: &str =
-    "not decided: with the bodies of the robot file no reading fits the log; check whether both are of the same arm";
 /// A reading with less than this is not sure.
 const SURE: f64 = 0.95;
 
@@ -104,6 +101,8 @@ pub fn inspect(recording: &Path, robot: Option<&Path>, map: &[String]) -> Result
         others = other_clocks(recording, &listing, &channels);
         if log.torque().is_err() && log.current.is_none() {
             doubts.push("no torque and no current: it can be predicted, but nothing is identified from it".to_owned());
+        } else if log.torque().is_err() {
+            doubts.push("currents and no torque: give [drive] drive_gain (N m/A) in the robot file".to_owned());
         }
     }
     let (readings, is_gravity_free) = match (robot_path, &log) {
@@ -200,7 +199,12 @@ pub fn meaning(robot: &Robot, recording: &Path) -> Result<Option<(&'static str, 
     let log = read_as(recording, &runs::read_options(robot), &Naming { joints: &joints, map: &stated })?;
     let log = log.by_its_positions().without_crowds();
     let Some(found) = reading::compare(robot, &log) else { return Ok(None) };
-    let about = |reading: &Reading| (reading.faults.clone(), of_channels(reading.state));
+    let is_of_torque = |state: ArmState| matches!(state, ArmState::Computed | ArmState::LinkSide);
+    let about = |reading: &Reading| {
+        // Of the states of the arm two say what the torque is; the others are of the file.
+        let state = if is_of_torque(reading.state) { reading.state } else { ArmState::Nominal };
+        (reading.faults.clone(), state)
+    };
     let mut sums: Vec<(Reading, f64)> = Vec::new();
     for reading in &found.readings {
         match sums.iter_mut().find(|(known, _)| about(known) == about(reading)) {
@@ -210,7 +214,7 @@ pub fn meaning(robot: &Robot, recording: &Path) -> Result<Option<(&'static str, 
     }
     let best = sums.into_iter().max_by(|a, b| a.1.total_cmp(&b.1));
     Ok(best.map(|(reading, probability)| {
-        let is_as_recorded = reading.faults.is_empty() && of_channels(reading.state) == ArmState::Nominal;
+        let is_as_recorded = reading.faults.is_empty() && !is_of_torque(reading.state);
         let mut joints: Vec<usize> = reading.faults.iter().flat_map(LogReading::joints).collect();
         joints.sort_unstable();
         let name = match reading.faults.as_slice() {
@@ -228,29 +232,17 @@ fn is_of_positions(fault: &LogReading) -> bool {
     matches!(fault, BackToFront | Exchanged(..) | JointZero(..) | PositionSign(_) | PositionUnit(..) | Reversed(_))
 }
 
-/// What a state of the arm says of the channels: two say what the torque is, two that the log fits the file's arm only with
-/// bodies of another one. The others are of the file, and stand here as its values.
-fn of_channels(state: ArmState) -> ArmState {
-    match state {
-        ArmState::Computed | ArmState::LinkSide | ArmState::OtherArm | ArmState::FileUnit(_) => state,
-        _ => ArmState::Nominal,
-    }
-}
-
 /// The reading of one channel with the sum of the probabilities of all readings of the log that share it.
 fn of_channel(found: &Screening, channel: &'static str, of_q: bool, names: &[String]) -> ChannelReading {
     let part = |reading: &Reading| -> String {
         let faults: Vec<LogReading> = reading.faults.iter().filter(|f| is_of_positions(f) == of_q).cloned().collect();
-        let state = match of_channels(reading.state) {
-            // What the torque is says nothing of the positions.
-            ArmState::Computed | ArmState::LinkSide if of_q => ArmState::Nominal,
-            state => state,
-        };
-        match (faults.is_empty(), state) {
-            (true, ArmState::Nominal) => "as recorded".to_owned(),
-            (true, ArmState::OtherArm) => UNDECIDED.to_owned(),
-            _ => Reading { faults, state, ..reading.clone() }.text(names),
+        // Of the states of the arm two say what the torque is; the others are of the file.
+        let is_of_torque = !of_q && matches!(reading.state, ArmState::Computed | ArmState::LinkSide);
+        if faults.is_empty() && !is_of_torque {
+            return "as recorded".to_owned();
         }
+        let state = if is_of_torque { reading.state } else { ArmState::Nominal };
+        Reading { faults, state, ..reading.clone() }.text(names)
     };
     let mut sums: Vec<(String, f64)> = Vec::new();
     for reading in &found.readings {

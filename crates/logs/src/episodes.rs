@@ -10,7 +10,8 @@ pub(crate) fn one_after_the_other(t: &mut [f64], starts: &[usize], between: f64)
     let mut last = None;
     for &start in starts {
         let end = ends.next().unwrap_or(t.len());
-        let shift = last.map_or(0.0, |last: f64| last + between - t[start]);
+        let Some(first) = t[start..end].first() else { continue };
+        let shift = last.map_or(0.0, |last: f64| last + between - first);
         for time in &mut t[start..end] {
             *time += shift;
         }
@@ -44,6 +45,7 @@ mod tests {
         let expected = [0.0, 0.1, 0.2, 10.2, 10.3, 20.3];
         assert!(t.iter().zip(expected).all(|(t, e)| (t - e).abs() < 1e-12), "{t:?}");
         one_after_the_other(&mut [], &[], 1.0);
+        one_after_the_other(&mut [1.0], &[0, 1], 1.0);
         assert_eq!(median_step(&[3.0], &[0]), 0.0);
     }
 }

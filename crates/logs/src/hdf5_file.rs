@@ -1,10 +1,10 @@
 //! HDF5 files (`h5py`, ACT, robomimic, DROID, MATLAB 7.3): data sets of numbers, one a name, and structures of numbers.
 //!
 //! A data set with one dimension is a column, one with two a column a joint: `group/name[i]`. A field of a structure is a data set
-//! `group/name/field`. Rows are the samples; a data set whose second dimension is the samples is turned. Episodes, groups whose
-//! names differ in a number alone, are read one after another.
+//! `group/name/field`. Rows are the samples; a data set whose second dimension is the samples is turned. Episodes, groups such as
+//! `demo_0` and `demo_1`, are read one after another.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
@@ -60,7 +60,9 @@ struct Episode {
 }
 
 impl Episode {
-    fn new(arrays: Vec<Array>) -> Episode {
+    fn new(mut arrays: Vec<Array>) -> Episode {
+        // What is empty has no samples.
+        arrays.retain(|array| !array.lengths.contains(&0));
         let rows = samples(arrays.iter().map(|array| (array.name.as_str(), array.lengths.as_slice())));
         Episode { arrays: arrays.into_iter().map(|array| (array.name.clone(), array)).collect(), rows }
     }
@@ -117,7 +119,7 @@ impl Contents {
         if !others.is_empty() {
             warnings.push(format!("not read, as they are no tables of numbers: {}", listed(&others)));
         }
-        let episodes = split(arrays.into_values().flatten().collect());
+        let episodes = split(arrays.into_values().flatten().collect(), &mut warnings);
         let first = &episodes[0];
         let (names, without): (Vec<String>, Vec<String>) = first.arrays.keys().cloned().partition(|name| {
             let found = first.array(name);
@@ -258,33 +260,56 @@ fn kind_of(of: &Datatype) -> Option<Kind> {
     }
 }
 
-/// Splits arrays into episodes; one where there are none. Episodes are groups beside each other whose names differ in a number, if
-/// they are called so, or if their numbers of samples differ.
-fn split(arrays: Vec<Array>) -> Vec<Episode> {
-    // By what stands before the number: number, and arrays with their name without it.
-    let mut found: BTreeMap<(usize, String), BTreeMap<u64, Vec<Array>>> = BTreeMap::new();
-    for array in &arrays {
+/// Arrays of groups, by the number of their name and the name.
+type Groups = BTreeMap<(u64, String), Vec<Array>>;
+
+/// Splits arrays into episodes; one where there are none. Episodes are groups beside each other that are called so, and whose names
+/// differ in a number. Of several sets of episodes, and of what stands beside them, that with the most rows is read; `warnings` lists
+/// the rest.
+fn split(arrays: Vec<Array>, warnings: &mut Vec<String>) -> Vec<Episode> {
+    // By where they are and what stands before the number: number and name, and arrays with their name without the group's.
+    let mut found: BTreeMap<(String, String), Groups> = BTreeMap::new();
+    let mut beside = Vec::new();
+    for array in arrays {
         let parts: Vec<&str> = array.name.split('/').collect();
-        for (depth, part) in parts[..parts.len() - 1].iter().enumerate() {
+        let episode = parts[..parts.len() - 1].iter().enumerate().find_map(|(depth, part)| {
             let stem = part.trim_end_matches(|c: char| c.is_ascii_digit());
-            let Ok(number) = part[stem.len()..].parse::<u64>() else { continue };
-            let name = [&parts[..depth], &parts[depth + 1..]].concat().join("/");
-            let before = [&parts[..depth], &[stem]].concat().join("/");
-            let episode = found.entry((depth, before)).or_default().entry(number).or_default();
-            episode.push(Array { name, ..array.clone() });
-        }
+            let number = part[stem.len()..].parse::<u64>().ok()?;
+            let word = stem.trim_end_matches(|c: char| !c.is_alphanumeric()).to_lowercase();
+            EPISODE_WORDS.contains(&word.as_str()).then_some((depth, stem, number))
+        });
+        let Some((depth, stem, number)) = episode else {
+            beside.push(array);
+            continue;
+        };
+        let name = [&parts[..depth], &parts[depth + 1..]].concat().join("/");
+        let set = (parts[..depth].join("/"), stem.to_owned());
+        let group = (number, parts[depth].to_owned());
+        found.entry(set).or_default().entry(group).or_default().push(Array { name, ..array });
     }
-    for ((_, before), groups) in found {
-        let stem = before.rsplit('/').next().unwrap_or(&before);
-        let stem = stem.trim_end_matches(|c: char| !c.is_alphanumeric()).to_lowercase();
-        let is_called_so = EPISODE_WORDS.contains(&stem.as_str());
-        let episodes: Vec<Episode> = groups.into_values().map(Episode::new).collect();
-        let lengths: BTreeSet<usize> = episodes.iter().map(|episode| episode.rows).collect();
-        if episodes.len() > 1 && (is_called_so || lengths.len() > 1) {
-            return episodes;
+    let mut sets: Vec<(String, Vec<Episode>)> = Vec::new();
+    for ((place, stem), groups) in found {
+        let mut episodes: Vec<Episode> = groups.into_values().map(Episode::new).collect();
+        let count = episodes.len();
+        episodes.retain(|episode| episode.rows > 0);
+        if episodes.len() < count {
+            warnings
+                .push(format!("{} episodes of {place}/{stem} have no rows; they are left out", count - episodes.len()));
         }
+        sets.push((format!("{place}/{stem}*"), episodes));
     }
-    vec![Episode::new(arrays)]
+    if !beside.is_empty() || sets.is_empty() {
+        let names: Vec<String> = beside.iter().map(|array| array.name.clone()).collect();
+        sets.push((listed(&names), vec![Episode::new(beside)]));
+    }
+    let rows = |(_, episodes): &(String, Vec<Episode>)| episodes.iter().map(|episode| episode.rows).sum::<usize>();
+    let most = (0..sets.len()).max_by_key(|k| rows(&sets[*k])).unwrap_or(0);
+    let (_, episodes) = sets.swap_remove(most);
+    if !sets.is_empty() {
+        let others: Vec<String> = sets.into_iter().map(|(name, _)| name).collect();
+        warnings.push(format!("beside the episodes with the most rows these are not read: {}", others.join("; ")));
+    }
+    if episodes.is_empty() { vec![Episode::new(Vec::new())] } else { episodes }
 }
 
 fn listed(names: &[String]) -> String {
@@ -307,6 +332,15 @@ pub(crate) fn list(path: &Path) -> Result<Listing, LogError> {
     Ok(Listing { topics: vec![topic], columns, warnings, conventions, ..Listing::default() })
 }
 
+/// An array of which columns are read.
+struct Wish {
+    name: String,
+    /// Place among the read columns of each of its columns.
+    places: Vec<Option<usize>>,
+    columns: Vec<String>,
+    numbers: Vec<Numbers>,
+}
+
 /// Reads the columns that `wanted` picks by name, data set by data set.
 pub(crate) fn read(path: &Path, wanted: Wanted<'_>) -> Result<Table, LogError> {
     let Contents { file, bytes, episodes, names, conventions, warnings } = Contents::open(path)?;
@@ -320,28 +354,42 @@ pub(crate) fn read(path: &Path, wanted: Wanted<'_>) -> Result<Table, LogError> {
             Some(start)
         })
         .collect();
+    let mut wanted_arrays: Vec<Wish> = Vec::new();
     for name in names {
         let Some((_, shape)) = episodes[0].array(&name) else { continue };
         let columns = shape.names(&name, conventions);
         let places = places(&columns, wanted);
         let (kept, unused): (Vec<_>, Vec<_>) = columns.into_iter().zip(&places).partition(|(_, place)| place.is_some());
         table.unused.extend(unused.into_iter().map(|(column, _)| column));
-        if kept.is_empty() {
-            continue;
+        if !kept.is_empty() {
+            let columns: Vec<String> = kept.into_iter().map(|(column, _)| column).collect();
+            let numbers = columns.iter().map(|_| Numbers::default()).collect();
+            wanted_arrays.push(Wish { name, places, columns, numbers });
         }
-        let mut numbers: Vec<Numbers> = kept.iter().map(|_| Numbers::default()).collect();
-        for (array, shape) in episodes.iter().filter_map(|episode| episode.array(&name)) {
+    }
+    for episode in &episodes {
+        // Fields of one structure come one after the other: it is read once.
+        let mut last: Option<(&str, Vec<u8>)> = None;
+        for Wish { name, places, numbers, .. } in &mut wanted_arrays {
+            let Some((array, shape)) = episode.array(name) else { continue };
             let of_array = |why: String| {
                 LogFault::Format { format: "HDF5", why: format!("data set {}: {why}", array.place) }.at(path)
             };
-            let size = (array.lengths[0] as u64).saturating_mul(array.stride as u64);
-            budget.take(size.div_ceil(NUMBER_BYTES)).map_err(of_array)?;
-            let bytes = file.dataset(&array.place).and_then(|set| set.read_raw_bytes());
-            let bytes = bytes.map_err(|why| of_array(why.to_string()))?;
-            append(&mut numbers, &bytes, array, shape, &places).map_err(of_array)?;
+            let size = (array.lengths[0] as u64).saturating_mul(array.stride as u64).div_ceil(NUMBER_BYTES);
+            budget.take(size.max(shape.cells())).map_err(of_array)?;
+            if last.as_ref().is_none_or(|(place, _)| *place != array.place) {
+                // One data set is in memory at a time.
+                drop(last.take());
+                let bytes = file.dataset(&array.place).and_then(|set| set.read_raw_bytes());
+                last = Some((&array.place, bytes.map_err(|why| of_array(why.to_string()))?));
+            }
+            let bytes = last.as_ref().map_or(&[][..], |(_, bytes)| bytes);
+            append(numbers, bytes, array, shape, places).map_err(of_array)?;
         }
+    }
+    for Wish { name, columns, numbers, .. } in wanted_arrays {
         let is_time = guess::word(&name) == Some("time");
-        for ((column, _), numbers) in kept.into_iter().zip(numbers) {
+        for (column, numbers) in columns.into_iter().zip(numbers) {
             let mut values = numbers.into_values();
             if is_time && starts.len() > 1 {
                 let between = episodes::STEPS_BETWEEN * episodes::median_step(&values, &starts);

@@ -25,6 +25,8 @@ const LOOK: Duration = Duration::from_millis(50);
 const LONGEST_SILENCE: Duration = Duration::from_secs(2);
 /// Time between two pictures of the status line.
 const BETWEEN_PICTURES: Duration = Duration::from_secs(1);
+/// Longest status line \[columns\]: it is drawn over on terminals of 80.
+const STATUS_COLUMNS: usize = 79;
 /// Texts of the controller that are shown in a second; the rest is counted.
 const TEXTS_PER_SECOND: u32 = 10;
 /// Largest relative difference of two rates that are the same.
@@ -117,7 +119,7 @@ pub fn run(robot: &rivet_config::Robot, settings: &Settings, shutdown: &Shutdown
         if shutdown.is_requested() {
             break;
         }
-        if bridge.talked {
+        if bridge.has_samples {
             backoff.reset();
             shown.clear();
         }
@@ -167,7 +169,7 @@ struct Bridge<'a> {
     texts: Texts,
     status: Picture,
     /// A sample came in this session.
-    talked: bool,
+    has_samples: bool,
     full: bool,
 }
 
@@ -199,14 +201,14 @@ impl<'a> Bridge<'a> {
             modes: (None, None),
             texts: Texts { second: Instant::now(), shown: 0, count: 0 },
             status: Picture { is_shown: settings.draws_status && std::io::stderr().is_terminal(), drawn: None },
-            talked: false,
+            has_samples: false,
             full: false,
         })
     }
 
     /// One connection, from its first byte to the end that the user asked for.
     fn session(&mut self) -> Result<(), Failure> {
-        self.talked = false;
+        self.has_samples = false;
         let stream = self.stream()?;
         let mut answers =
             Answers { texts: &mut self.texts, shutdown: &self.shutdown, until: Instant::now() + PATIENCE };
@@ -267,26 +269,25 @@ impl<'a> Bridge<'a> {
         let mut quiet = Duration::ZERO;
         let mut ignored = false;
         while !self.shutdown.is_requested() && !self.is_done() {
-            let begin = Instant::now();
+            let (begin, before) = (Instant::now(), self.counts.samples);
             match client.poll()? {
                 Event::Data(values) => {
                     let reading = fields.read(&values);
-                    let arrival = self.timeline.take(reading.timestamp_s, now_ns(), !self.talked);
+                    let arrival = self.timeline.take(reading.timestamp_s, now_ns(), !self.has_samples);
                     self.take(&reading, arrival).map_err(Failure::Final)?;
-                    quiet = Duration::ZERO;
-                    self.talked = true;
+                    self.has_samples = true;
                 }
-                // Time in which this process did not run is no silence of the controller's.
-                Event::Nothing => quiet += begin.elapsed().min(2 * LOOK),
                 Event::Text(text) => self.texts.show(&text),
                 Event::Ignored(kind) if !ignored => {
                     ignored = true;
                     note(format_args!("rivet robot: packages of type {kind} are ignored"));
                 }
-                Event::Ignored(_) => {}
+                Event::Nothing | Event::Ignored(_) => {}
             }
+            // Time in which this process did not run is no silence of the controller's.
+            quiet = if self.counts.samples > before { Duration::ZERO } else { quiet + begin.elapsed().min(2 * LOOK) };
             if quiet > LONGEST_SILENCE {
-                return Err(Failure::Again(format!("no sample for {} s", LONGEST_SILENCE.as_secs())));
+                return Err(Failure::Again(format!("no new sample for {} s", LONGEST_SILENCE.as_secs())));
             }
             self.status.draw(&self.counts, self.period_s, self.modes);
         }
@@ -405,11 +406,13 @@ fn rate(version: ControllerVersion, period_s: f64) -> Result<f64, Failure> {
     Ok(most_hz / parts.round())
 }
 
-/// Fault bits: the drives of an arm that does not run are off; in a stop something else than the drives may move the arm.
+/// Fault bits: the drives of an arm that does not run are off; in a stop something else than the drives may move the arm; what is
+/// not finite is no measurement.
 fn faults_of(reading: &Reading) -> u32 {
     let stopped = reading.robot_mode.is_some_and(|mode| !mode.is_running());
-    let unfree = reading.safety.is_some_and(|mode| !mode.is_free());
-    (if stopped { faults::STOPPED } else { 0 }) | (if unfree { faults::OTHER } else { 0 })
+    let is_stopped_by_safety = reading.safety.is_some_and(|mode| !mode.is_free());
+    let is_damaged = reading.q.iter().chain(&reading.tau).any(|value| !value.is_finite());
+    (if stopped { faults::STOPPED } else { 0 }) | (if is_stopped_by_safety || is_damaged { faults::OTHER } else { 0 })
 }
 
 fn sample(reading: &Reading, stamp_ns: u64) -> Sample {
@@ -498,7 +501,8 @@ impl Picture {
         let _ = modes.0.map(|mode| write!(text, "; robot {mode}"));
         let _ = modes.1.map(|mode| write!(text, ", safety {mode}"));
         // A terminal that is gone is no reason to stop.
-        let _ = write!(std::io::stderr(), "\r\x1b[K{text}; Ctrl-C ends");
+        let text: String = (text + "; Ctrl-C ends").chars().take(STATUS_COLUMNS).collect();
+        let _ = write!(std::io::stderr(), "\r\x1b[K{text}");
     }
 
     fn remove(&mut self) {
@@ -531,6 +535,8 @@ mod tests {
         assert_eq!(faults_of(&reading(3, 1)), faults::STOPPED, "power off");
         assert_eq!(faults_of(&reading(7, 3)), faults::OTHER, "protective stop");
         assert_eq!(faults_of(&reading(3, 7)), faults::STOPPED | faults::OTHER, "emergency stop");
+        let damaged = Reading { tau: [f64::NAN; JOINTS], ..reading(7, 1) };
+        assert_eq!(faults_of(&damaged), faults::OTHER, "not finite");
         let unknown = Reading { robot_mode: None, safety: None, ..reading(0, 0) };
         assert_eq!(faults_of(&unknown), 0);
     }

@@ -63,6 +63,12 @@ impl Graph {
     /// The library's.
     pub(crate) fn join(domain: u16, interfaces: &[IpAddr]) -> Result<Graph, GraphError> {
         let mut builder = DomainParticipantBuilder::new(domain);
+        for address in interfaces {
+            // The library would join nothing, without a word.
+            std::net::UdpSocket::bind((*address, 0)).map_err(|why| {
+                refused(&format!("--interface {address} is no address of this machine (ip address lists them)"), &why)
+            })?;
+        }
         if !interfaces.is_empty() {
             builder = builder.with_only_networks(interfaces.iter().copied());
         }

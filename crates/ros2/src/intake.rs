@@ -162,7 +162,7 @@ impl Intake {
             return false;
         }
         match self.source.admit(arrived.from, now) {
-            Admission::Used => self.both(now),
+            Admission::Used => self.report_second_publisher(now),
             Admission::Succession => {
                 self.other = None;
                 self.stamps.restart();
@@ -237,7 +237,7 @@ impl Intake {
     }
 
     /// The publisher that is used sends on: another one that was heard meanwhile is no successor.
-    fn both(&mut self, now: u64) {
+    fn report_second_publisher(&mut self, now: u64) {
         let Some((other, count)) = self.other.take() else { return };
         let (topic, used) = (&self.topic, self.source.current());
         self.problems.count(Problem::OtherPublisher, count, now, || {

@@ -1,5 +1,7 @@
 //! Joints by name.
 
+use rivet_files::printable;
+
 /// Why a message's joints are not those of the arm.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum JointsError {
@@ -21,11 +23,34 @@ pub enum JointsError {
     },
 }
 
+/// Names of a message that are shown.
+const MOST_SHOWN: usize = 12;
+/// Longest part of a name that is shown \[characters\].
+const MOST_CHARACTERS: usize = 48;
+
+/// A name of the graph as it may be printed: one line, and short.
+pub(crate) fn shown(name: &str) -> String {
+    one_line(name, MOST_CHARACTERS)
+}
+
+/// The first `most` characters of a text of the graph, on one line.
+pub(crate) fn one_line(text: &str, most: usize) -> String {
+    let short: String = text.chars().take(most).collect();
+    printable(&short).replace(['\n', '\r'], "?")
+}
+
+/// Some of the names, separated by commas.
+pub(crate) fn listed(names: &[String]) -> String {
+    let first: Vec<String> = names.iter().take(MOST_SHOWN).map(|name| shown(name)).collect();
+    let more = names.len().saturating_sub(MOST_SHOWN);
+    if more > 0 { format!("{} and {more} more", first.join(", ")) } else { first.join(", ") }
+}
+
 fn list(names: &[String]) -> String {
-    match names {
-        [] => "no joint".to_owned(),
-        [one] => format!("joint {one}"),
-        several => format!("joints {}", several.join(", ")),
+    match names.len() {
+        0 => "no joint".to_owned(),
+        1 => format!("joint {}", listed(names)),
+        _ => format!("joints {}", listed(names)),
     }
 }
 
@@ -76,6 +101,14 @@ fn places(names: &[String], found: &[String]) -> Result<Vec<usize>, JointsError>
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn names_of_the_graph_cannot_begin_a_line_or_fill_the_journal() {
+        let names = vec!["a\nrivet-ros2: ok".to_owned(), "b".repeat(20_000)];
+        let text = listed(&names);
+        assert!(!text.contains('\n') && text.len() < 200, "{text}");
+        assert!(listed(&vec!["c".to_owned(); 30]).ends_with("and 18 more"));
+    }
 
     fn names(text: &str) -> Vec<String> {
         text.split_whitespace().map(str::to_owned).collect()

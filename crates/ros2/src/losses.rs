@@ -6,6 +6,8 @@ const MOST: u64 = 1_000_000;
 const USUAL: f64 = 0.2;
 /// Share of a new step in the usual one.
 const NEW_STEP_SHARE: f64 = 1.0 / 32.0;
+/// Messages after which the usual step is known: what is left of the period it began with is below 1 %.
+const SETTLED: u32 = 160;
 
 /// What lies between a message and the one before it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -22,12 +24,14 @@ pub(crate) struct Losses {
     period_ns: f64,
     last: Option<(i64, u64)>,
     usual_ns: f64,
+    /// Steps in the usual one, at most [`SETTLED`].
+    steps: u32,
 }
 
 impl Losses {
     /// `period_s`: `sample_period_s` of the robot file.
     pub(crate) fn new(period_s: f64) -> Losses {
-        Losses { period_ns: period_s * 1e9, last: None, usual_ns: period_s * 1e9 }
+        Losses { period_ns: period_s * 1e9, last: None, usual_ns: period_s * 1e9, steps: 0 }
     }
 
     /// The hole before message `number` with the mapped stamp `stamp_ns`.
@@ -43,6 +47,7 @@ impl Losses {
             0
         };
         let single = step_ns / (lost as f64 + 1.0);
+        self.steps = (self.steps + 1).min(SETTLED);
         // One pause does not change what is usual.
         self.usual_ns += NEW_STEP_SHARE * (single.min(4.0 * self.period_ns) - self.usual_ns);
         Hole { lost, periods: lost.max(by_stamp) }
@@ -59,6 +64,7 @@ impl Losses {
     pub(crate) fn restart(&mut self) {
         self.last = None;
         self.usual_ns = self.period_ns;
+        self.steps = 0;
     }
 
     /// Usual time between two messages \[s\].
@@ -66,9 +72,9 @@ impl Losses {
         self.usual_ns * 1e-9
     }
 
-    /// Whether messages come at the rate of the robot file.
+    /// Whether messages come at the rate of the robot file; so too while their rate is not known yet.
     pub(crate) fn rate_fits(&self) -> bool {
-        (self.usual_ns / self.period_ns - 1.0).abs() <= USUAL
+        self.steps < SETTLED || (self.usual_ns / self.period_ns - 1.0).abs() <= USUAL
     }
 }
 

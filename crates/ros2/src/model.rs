@@ -4,8 +4,11 @@ use rivet_config::Robot;
 use rivet_dynamics::{LinkParameters, Parameter, UrdfArm, UrdfError, flange_pose, write_urdf};
 use rivet_ipc_schema::ConsistentParameters;
 
+use crate::joints::{listed, one_line, shown};
 use crate::messages::{Vector3, Wrench};
 
+/// Longest part of an error that is shown \[characters\].
+const MOST_CHARACTERS: usize = 240;
 /// Numbers of a body.
 const BODY: usize = 10;
 /// Bodies and frames that differ by a smaller share, or by less than this in m, kg and their products, are the same.
@@ -57,27 +60,27 @@ pub fn differences(robot: &Robot, text: &str) -> Vec<String> {
         Ok(read) => read.arm,
         Err(mistakes) => {
             let why = mistakes.all().first().map_or_else(String::new, |mistake| mistake.error.to_string());
-            return vec![format!("it is not read as an arm: {why}")];
+            return vec![format!("it is not read as an arm: {}", one_line(&why, MOST_CHARACTERS))];
         }
     };
     let names = |joints: &[rivet_dynamics::Joint]| joints.iter().map(|joint| joint.name.clone()).collect::<Vec<_>>();
     let (expected, found) = (names(&arm.joints), names(&other.joints));
     if expected != found {
-        return vec![format!("its joints are {}, the robot file's {}", found.join(", "), expected.join(", "))];
+        return vec![format!("its joints are {}, the robot file's {}", listed(&found), listed(&expected))];
     }
     let apart =
         |a: &[f64], b: &[f64]| a.iter().zip(b).any(|(a, b)| (a - b).abs() > SAME * (1.0 + a.abs().max(b.abs())));
     let mut out = Vec::new();
     for (j, (a, b)) in arm.joints.iter().zip(&other.joints).enumerate() {
         if a.kind != b.kind || apart(&a.axis, &b.axis) {
-            out.push(format!("joint {}: another axis", a.name));
+            out.push(format!("joint {}: another axis", shown(&a.name)));
         }
         if apart(&a.translation, &b.translation) || apart(a.rotation.as_flattened(), b.rotation.as_flattened()) {
-            out.push(format!("joint {}: another frame", a.name));
+            out.push(format!("joint {}: another frame", shown(&a.name)));
         }
         let masses = (arm.links[j][0], other.links[j][0]);
         if masses.1 > 0.0 && apart(&arm.links[j], &other.links[j]) {
-            out.push(format!("link {}: another body, {} kg instead of {} kg", a.link, masses.1, masses.0));
+            out.push(format!("link {}: another body, {} kg instead of {} kg", shown(&a.link), masses.1, masses.0));
         }
     }
     out
@@ -141,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn another_arm_is_told_from_the_same_one() {
+    fn detects_another_arm() {
         let (robot, text) = robot();
         assert_eq!(differences(&robot, &text), [""; 0]);
         let joints = differences(&robot, &text.replace("joint_1", "elbow"));

@@ -39,7 +39,7 @@ pub(crate) struct Pairing<T> {
     patience_ns: u64,
     states: VecDeque<Waiting<T>>,
     plans: VecDeque<Plan>,
-    heard_ns: Option<u64>,
+    last_message_ns: Option<u64>,
     unmatched: u64,
 }
 
@@ -51,7 +51,7 @@ impl<T> Pairing<T> {
             patience_ns: (1e9 * patience_s) as u64,
             states: VecDeque::with_capacity(QUEUE),
             plans: VecDeque::with_capacity(QUEUE),
-            heard_ns: None,
+            last_message_ns: None,
             unmatched: 0,
         }
     }
@@ -63,7 +63,7 @@ impl<T> Pairing<T> {
 
     /// Takes a setpoint in that came at `arrival_ns`.
     pub(crate) fn plan(&mut self, plan: Plan, arrival_ns: u64) {
-        self.heard_ns = Some(arrival_ns);
+        self.last_message_ns = Some(arrival_ns);
         if self.plans.len() == QUEUE {
             self.plans.pop_front();
             self.unmatched += 1;
@@ -83,7 +83,7 @@ impl<T> Pairing<T> {
             // The setpoints are beyond it.
             Some(_) => None,
             None => {
-                let comes = self.heard_ns.is_some_and(|heard| now_ns.saturating_sub(heard) < SILENT_NS);
+                let comes = self.last_message_ns.is_some_and(|last| now_ns.saturating_sub(last) < SILENT_NS);
                 let patient = now_ns.saturating_sub(arrival_ns) < self.patience_ns;
                 if comes && patient && self.states.len() < QUEUE {
                     return None;
@@ -98,7 +98,7 @@ impl<T> Pairing<T> {
     pub(crate) fn restart(&mut self) {
         self.unmatched += self.plans.len() as u64;
         self.plans.clear();
-        self.heard_ns = None;
+        self.last_message_ns = None;
     }
 
     /// Whether joint states wait.

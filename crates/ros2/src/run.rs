@@ -31,6 +31,10 @@ const MOST: usize = 1024;
 const BETWEEN_COUNTS: Duration = Duration::from_millis(500);
 /// How long joint states may come without the joints of the arm: a gripper may be heard first.
 const MISFIT: Duration = Duration::from_secs(3);
+/// Joint states in that time, at least: one message of a gripper that starts first ends nothing.
+const MISFIT_MESSAGES: u64 = 5;
+/// Longest status line \[columns\]: it is drawn over on terminals of 80.
+const STATUS_COLUMNS: usize = 79;
 
 const JOINT_STATES: Token = Token(0);
 const SETPOINTS: Token = Token(1);
@@ -241,7 +245,8 @@ impl Turns<'_> {
         let mut events = Events::with_capacity(16);
         let mut status = Status::new(self.options.json);
         let mut counted: Option<Instant> = None;
-        let mut misfit: Option<Instant> = None;
+        // Since when, and how many joint states had come then.
+        let mut misfit: Option<(Instant, u64)> = None;
         let is_over = || self.options.seconds.is_some_and(|seconds| begin.elapsed().as_secs_f64() >= seconds);
         while !self.shutdown.is_requested() && !is_over() {
             inputs.wait(&mut events, if intake.waits() { SHORT_TURN } else { TURN })?;
@@ -264,11 +269,13 @@ impl Turns<'_> {
                 self.compare(&text, intake);
             }
             match (intake.misfit(), misfit) {
-                (Some(why), Some(since)) if since.elapsed() >= MISFIT => {
+                (Some(why), Some((since, before)))
+                    if since.elapsed() >= MISFIT && intake.counts().joint_states >= before + MISFIT_MESSAGES =>
+                {
                     status.remove();
                     return Err(Failure::Joints { topic: self.options.joint_states.clone(), why: why.clone() });
                 }
-                (Some(_), None) => misfit = Some(Instant::now()),
+                (Some(_), None) => misfit = Some((Instant::now(), intake.counts().joint_states)),
                 (Some(_), Some(_)) => {}
                 (None, _) => misfit = None,
             }
@@ -390,6 +397,7 @@ impl Status {
             _ => line(counts, bus_lost) + "; Ctrl-C ends",
         };
         // A terminal that is gone is no reason to stop.
+        let text: String = text.chars().take(STATUS_COLUMNS).collect();
         let _ = write!(std::io::stderr(), "\r\x1b[K{text}");
     }
 

@@ -25,7 +25,7 @@ pub struct Source {
     current: Option<Guid>,
     /// The one that was used last, also when it has left.
     last: Option<Guid>,
-    heard_ns: u64,
+    last_message_ns: u64,
     foreign: u64,
     others: Vec<Guid>,
 }
@@ -37,7 +37,7 @@ impl Source {
             Some(current) if current == from => Admission::Used,
             // The link was cut for longer than DDS waits.
             None if self.last == Some(from) => Admission::Used,
-            Some(_) if now_ns.saturating_sub(self.heard_ns) <= SUCCESSION_NS => {
+            Some(_) if now_ns.saturating_sub(self.last_message_ns) <= SUCCESSION_NS => {
                 self.foreign += 1;
                 if self.others.len() < NAMED && !self.others.contains(&from) {
                     self.others.push(from);
@@ -48,7 +48,7 @@ impl Source {
         };
         (self.current, self.last) = (Some(from), Some(from));
         self.others.retain(|other| *other != from);
-        self.heard_ns = now_ns;
+        self.last_message_ns = now_ns;
         admission
     }
 

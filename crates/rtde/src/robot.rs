@@ -216,7 +216,7 @@ impl fmt::Display for RobotMode {
             6 => "backdrive",
             7 => "running",
             8 => "updating firmware",
-            other => return write!(f, "robot mode {other}"),
+            other => return write!(f, "mode {other}"),
         })
     }
 }
@@ -248,7 +248,7 @@ impl fmt::Display for SafetyMode {
             11 => "undefined",
             12 => "automatic mode safeguard stop",
             13 => "system three-position enabling stop",
-            other => return write!(f, "safety mode {other}"),
+            other => return write!(f, "mode {other}"),
         })
     }
 }

@@ -26,8 +26,6 @@ pub const WRONG: f64 = 0.9;
 const LENGTH_S: [f64; 2] = [15.0, 40.0];
 /// Effects of drawn arms that are themselves a meaning of channels: such arms are not used.
 const EFFECTS_OF_CHANNELS: [&str; 4] = ["transport_delay", "current_loop_lag", "encoder_offset", "gravity_direction"];
-/// Readings that decide nothing about the channels.
-const UNDECIDED: [&str; 2] = ["another_arm", "file_unit"];
 /// Draws of an arm until one is usable.
 const TRIES: u64 = 50;
 
@@ -78,10 +76,6 @@ impl Outcome {
     #[must_use]
     pub fn verdict(&self) -> Verdict {
         let Some(found) = &self.found else { return Verdict::Asked };
-        // No reading fits the arm of the file: the user is asked for the file or the log of the same arm.
-        if UNDECIDED.contains(&found.name.as_str()) {
-            return Verdict::Asked;
-        }
         let is_true = found.name == self.truth.0 && found.joints == self.truth.1;
         match is_true {
             true if found.probability >= SURE => Verdict::Right,

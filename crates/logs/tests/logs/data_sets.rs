@@ -62,6 +62,40 @@ fn episodes_are_one_log_in_the_order_of_their_numbers() {
 }
 
 #[test]
+fn of_several_sets_of_episodes_the_largest_is_read_and_the_others_are_listed() {
+    let sets = [("test/demo_0", 60), ("train/demo_0", 200), ("train/demo_1", 100), ("train/demo_2", 0), ("notes", 5)];
+    let log = read_back(sets.iter().flat_map(|(name, rows)| signals(name, *rows)).collect()).expect("a log");
+    assert_eq!(log.len(), 300);
+    let notes = log.notes.join("\n");
+    assert!(notes.contains("test/demo_*") && notes.contains("notes/effort"), "{notes}");
+    assert!(notes.contains("1 episodes of train/demo_ have no rows"), "{notes}");
+}
+
+#[test]
+fn runs_of_a_calibration_do_not_hide_the_log_beside_them() {
+    let sets = [("robot", 1000), ("calib/run_0", 300), ("calib/run_1", 300)];
+    let log = read_back(sets.iter().flat_map(|(name, rows)| signals(name, *rows)).collect()).expect("a log");
+    assert_eq!(log.len(), 1000);
+    assert!(log.notes.join("\n").contains("calib/run_*"), "{:?}", log.notes);
+}
+
+#[test]
+fn numbers_of_one_byte_count_as_what_they_become() {
+    let deflate = hdf5_writer::FilterDescription { id: hdf5_writer::FILTER_DEFLATE, name: None, client_data: vec![9] };
+    let zeros = |name: &str, width: u64| {
+        let set = DatasetBuilder::typed_data(name, vec![2_000_000, width], &vec![0_u8; 2_000_000 * width as usize]);
+        set.expect("a data set").chunked([1_000_000, width]).filter(deflate.clone())
+    };
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("claim.h5");
+    std::fs::write(&path, bytes(vec![zeros("time", 1), zeros("position", 8), zeros("effort", 8)])).expect("written");
+    let joints: Vec<String> = (0..8).map(|k| format!("j{k}")).collect();
+    let naming = Naming { joints: &joints, map: &ChannelMap::default() };
+    let why = read_as(&path, &ReadOptions::new(8), &naming).expect_err("too much").to_string();
+    assert!(why.contains("may stand for"), "{why}");
+}
+
+#[test]
 fn a_file_behind_a_block_of_its_writer_is_found() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("run.mat");
