@@ -110,7 +110,7 @@ impl<'a> Stage<'a> {
 /// Columns `name1..6` of a log, row by row, by the time of the row.
 pub fn columns(log: &Path, name: &str) -> Vec<(f64, [f64; 6])> {
     let text = std::fs::read_to_string(log).expect("the log is there");
-    let mut lines = text.lines();
+    let mut lines = text.lines().filter(|line| !line.starts_with('#'));
     let header: Vec<&str> = lines.next().expect("a header").split(',').collect();
     let place = |wanted: &str| header.iter().position(|h| *h == wanted).expect("a column of that name");
     let (t, first) = (place("t"), place(&format!("{name}1")));

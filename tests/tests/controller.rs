@@ -80,7 +80,7 @@ fn samples_that_stop_bring_the_stop_reaction_and_a_flight_record() {
     let record = folder.path().join("state/manutec-r3.0.flight.csv");
     eventually("the flight record", || record.exists().then_some(()));
     let text = std::fs::read_to_string(&record).expect("read");
-    assert_eq!(text.lines().count(), 1001, "a header and the last thousand");
+    assert_eq!(text.lines().count(), 1002, "what the numbers follow, a header, and the last thousand");
     let last: u64 = text.lines().last().and_then(|line| line.split(',').nth(1)?.parse().ok()).expect("a number");
     assert_eq!(last, stopped.seq, "up to the last sample");
     let (tau, command) = (columns(&record, "tau"), columns(&record, "command"));
