@@ -140,7 +140,8 @@ fn what_went_wrong_is_on_record() {
     let last = eventually("all is in", || health.receive().expect("received").filter(|health| health.seq == 2900));
     assert_eq!(last.lost, 0);
     let record = eventually("a record", || std::fs::read_to_string(state.join("dd2.rivetd-fault.0.flight.csv")).ok());
-    let lines: Vec<Vec<&str>> = record.lines().map(|line| line.split(',').collect()).collect();
+    let lines = record.lines().filter(|line| !line.starts_with('#'));
+    let lines: Vec<Vec<&str>> = lines.map(|line| line.split(',').collect()).collect();
     let column = |name: &str| lines[0].iter().position(|found| *found == name).expect(name);
     assert_eq!(lines.len(), 1001);
     let (seq, fault, updates) = (column("seq"), column("input_fault"), column("updates"));
