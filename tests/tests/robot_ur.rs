@@ -342,7 +342,7 @@ fn what_goes_wrong_is_counted_and_survived() {
     scene.collect("more samples", &mut all, |all| last(all) >= before + 200);
     // Silence: nothing is published, the connection is given up and made anew.
     controller.mute(1500);
-    scene.waits_for("no sample for 2 s; trying again");
+    scene.waits_for("no new sample for 2 s; trying again");
     let before = last(&all);
     scene.collect("more samples", &mut all, |all| last(all) >= before + 1500);
     // The controller starts anew: samples count from 1.
