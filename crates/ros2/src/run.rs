@@ -245,7 +245,7 @@ impl Turns<'_> {
         let mut events = Events::with_capacity(16);
         let mut status = Status::new(self.options.json);
         let mut counted: Option<Instant> = None;
-        // Since when, and how many joint states had come then.
+        // Since when, and how many joint states had been refused then.
         let mut misfit: Option<(Instant, u64)> = None;
         let is_over = || self.options.seconds.is_some_and(|seconds| begin.elapsed().as_secs_f64() >= seconds);
         while !self.shutdown.is_requested() && !is_over() {
@@ -270,12 +270,12 @@ impl Turns<'_> {
             }
             match (intake.misfit(), misfit) {
                 (Some(why), Some((since, before)))
-                    if since.elapsed() >= MISFIT && intake.counts().joint_states >= before + MISFIT_MESSAGES =>
+                    if since.elapsed() >= MISFIT && intake.counts().refused >= before + MISFIT_MESSAGES =>
                 {
                     status.remove();
                     return Err(Failure::Joints { topic: self.options.joint_states.clone(), why: why.clone() });
                 }
-                (Some(_), None) => misfit = Some((Instant::now(), intake.counts().joint_states)),
+                (Some(_), None) => misfit = Some((Instant::now(), intake.counts().refused)),
                 (Some(_), Some(_)) => {}
                 (None, _) => misfit = None,
             }
