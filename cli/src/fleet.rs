@@ -1,11 +1,11 @@
 //! `rivet diagnose --table`: many robots and logs, a process each, into one table that can be continued.
 
-use std::io::{IsTerminal as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
+use rivet_files::StatusLine;
 use rivet_fleet::{GroupBy, Pair, Progress, Settings, states_json, states_text};
 use rivet_realtime::Shutdown;
 
@@ -20,8 +20,6 @@ const MAX_JOBS: i64 = 1024;
 const REDRAW: Duration = Duration::from_millis(200);
 /// A shorter run prints no lines where standard error is no terminal.
 const SILENT: Duration = Duration::from_secs(2);
-/// Columns of a terminal that does not report them.
-const USUAL_COLUMNS: u16 = 80;
 /// Where standard error is no terminal, one line for each such part of the pairs.
 const PARTS: usize = 10;
 
@@ -128,7 +126,7 @@ fn write_json(path: Option<&PathBuf>, json: impl FnOnce() -> Result<String>) -> 
 
 /// The line on standard error: redrawn on a terminal, else printed ten times.
 struct Line {
-    is_terminal: bool,
+    status: StatusLine,
     begin: Instant,
     drawn: Option<Instant>,
     /// Tenths that were printed.
@@ -137,19 +135,14 @@ struct Line {
 
 impl Line {
     fn new() -> Line {
-        let is_dumb = std::env::var_os("TERM").is_some_and(|term| term == "dumb");
-        Line { is_terminal: std::io::stderr().is_terminal() && !is_dumb, begin: Instant::now(), drawn: None, parts: 0 }
+        Line { status: StatusLine::new(true), begin: Instant::now(), drawn: None, parts: 0 }
     }
 
     fn show(&mut self, progress: &Progress) {
-        if self.is_terminal {
+        if self.status.is_shown() {
             if self.drawn.is_none_or(|at| at.elapsed() >= REDRAW) {
                 self.drawn = Some(Instant::now());
-                let reported = ratatui::crossterm::terminal::size().map_or(0, |(columns, _)| columns);
-                let columns = if reported == 0 { USUAL_COLUMNS } else { reported };
-                let line: String = progress.line().chars().take(usize::from(columns).saturating_sub(1)).collect();
-                // A terminal that is gone is no reason to stop working.
-                let _ = write!(std::io::stderr(), "\r{line}\x1b[K");
+                self.status.draw(&progress.line());
             }
             return;
         }
@@ -162,8 +155,6 @@ impl Line {
 
     /// Removes the line from a terminal.
     fn clear(&mut self) {
-        if self.drawn.take().is_some() {
-            let _ = write!(std::io::stderr(), "\r\x1b[K");
-        }
+        self.status.remove();
     }
 }

@@ -1,6 +1,5 @@
 //! `rivet record`: what robot, rivetd and rivet-controller publish, as an MCAP file.
 
-use std::io::{IsTerminal as _, Write as _};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -8,6 +7,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use anyhow::{Result, bail};
 use rivet_analysis::fault::Fault;
 use rivet_config::Robot;
+use rivet_files::StatusLine;
 use rivet_ipc_schema::{Bus, RobotName};
 use rivet_realtime::{Shutdown, now_ns};
 use rivet_recording::{About, Content, Counts, Ports, Received, Recorder, RecordingFile};
@@ -54,12 +54,12 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let mut ports = Ports::open(&bus)?;
     let shutdown = Shutdown::on_signals()?;
     let mut recorder = Recorder::start(RecordingFile::create(&args.out, &about(&robot))?);
-    let mut status = Status { is_shown: std::io::stderr().is_terminal() && !args.json, drawn: false };
+    let mut line = StatusLine::new(!args.json);
     // Of the joint states: stamps of the first and the last \[ns\].
     let mut span: Option<(u64, u64)> = None;
     let seconds = |span: Option<(u64, u64)>| span.map_or(0.0, |(first, last)| last.saturating_sub(first) as f64 * 1e-9);
     let mut counted = Instant::now();
-    status.draw(&robot.config.name, 0.0, &recorder.counts(now_ns(), 0));
+    line.draw(&status(&robot.config.name, 0.0, &recorder.counts(now_ns(), 0)));
     let mut taken = Ok(());
     while !shutdown.is_requested() && !recorder.has_failed() && args.seconds.is_none_or(|most| seconds(span) < most) {
         taken = ports.take(now_ns(), &mut |received: Received| {
@@ -74,13 +74,13 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         if counted.elapsed() >= BETWEEN_COUNTS {
             counted = Instant::now();
             let counts = recorder.counts(now_ns(), ports.foreign());
-            status.draw(&robot.config.name, seconds(span), &counts);
+            line.draw(&status(&robot.config.name, seconds(span), &counts));
             recorder.take(Received { at_ns: counts.stamp_ns, content: counts.into() });
         }
         std::thread::sleep(TURN);
     }
     let counts = recorder.counts(now_ns(), ports.foreign());
-    status.remove();
+    line.remove();
     recorder.finish(counts.clone())?;
     taken?;
     let bytes = std::fs::metadata(&args.out).map_or(0, |file| file.len());
@@ -127,30 +127,10 @@ fn report(args: &Args, seconds: f64, bytes: u64, counts: &Counts) -> String {
     out
 }
 
-/// One line on the terminal's standard error.
-struct Status {
-    is_shown: bool,
-    drawn: bool,
-}
-
-impl Status {
-    fn draw(&mut self, robot: &str, seconds: f64, counts: &Counts) {
-        if !self.is_shown {
-            return;
-        }
-        self.drawn = true;
-        let states = counts.of_service("joint-state").map_or(0, |counts| counts.messages);
-        let text = match states {
-            0 => format!("waiting for joint states of {robot}; Ctrl-C ends"),
-            states => format!("{seconds:.0} s, {states} joint states, {} lost; Ctrl-C ends", counts.lost()),
-        };
-        // A terminal that is gone is no reason to stop.
-        let _ = write!(std::io::stderr(), "\r\x1b[K{text}");
-    }
-
-    fn remove(&self) {
-        if self.drawn {
-            let _ = write!(std::io::stderr(), "\r\x1b[K");
-        }
+/// What the status line shows.
+fn status(robot: &str, seconds: f64, counts: &Counts) -> String {
+    match counts.of_service("joint-state").map_or(0, |counts| counts.messages) {
+        0 => format!("waiting for joint states of {robot}; Ctrl-C ends"),
+        states => format!("{seconds:.0} s, {states} joint states, {} lost; Ctrl-C ends", counts.lost()),
     }
 }

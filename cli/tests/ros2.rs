@@ -22,9 +22,9 @@ fn names_the_command_that_builds_it_and_hands_words_and_exit_code_on() {
 fn names_the_command_that_builds_it() {
     let (_folder, program) = alone();
     let output = Command::new(program).args(["ros2", "robot.toml", "--domain", "7"]).output().expect("it runs");
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert!(said.contains("is not built: cargo build --release -p rivet-ros2"), "{said}");
-    assert_eq!(output.status.code(), Some(70), "{said}");
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert!(stderr.contains("is not built: cargo build --release -p rivet-ros2"), "{stderr}");
+    assert_eq!(output.status.code(), Some(70), "{stderr}");
 }
 
 fn hands_words_and_exit_code_on() {

@@ -44,6 +44,7 @@ mod service;
 mod survey;
 mod tables;
 mod version;
+mod words;
 
 pub use blackboard::{BlackboardReader, BlackboardWriter};
 pub use bus::{Bus, LEAST_ROOM};
@@ -70,3 +71,4 @@ pub use sample_clock::SampleClock;
 pub use service::Service;
 pub use survey::{Survey, survey};
 pub use tables::{ENUMERATIONS, MESSAGES};
+pub use words::words;

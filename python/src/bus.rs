@@ -11,6 +11,7 @@ use rivet::{BusConfig, ControllerHealth, Health, Parameters, Robot, Sample, samp
 use rivet_analysis::fault::Kind;
 use rivet_ipc_schema::{
     ControllerState, DaemonMode, InputFault, InstrumentSource, MAX_JOINTS, ParameterState, StopCause, parameter_flags,
+    words,
 };
 
 use crate::worker::error;
@@ -21,18 +22,6 @@ pub(crate) struct Bus {
     joints: usize,
     /// None after `close`.
     robot: Mutex<Option<Robot>>,
-}
-
-/// `BadInput` as "bad input".
-fn words(variant: impl std::fmt::Debug) -> String {
-    let mut out = String::new();
-    for letter in format!("{variant:?}").chars() {
-        if letter.is_ascii_uppercase() && !out.is_empty() {
-            out.push(' ');
-        }
-        out.push(letter.to_ascii_lowercase());
-    }
-    out
 }
 
 /// A numbered state in words; a number that this version does not know as it is.

@@ -109,18 +109,18 @@ impl Scene {
         ]);
         command.arg(port.to_string()).args(more).args(["--prefix", &self.config().prefix, "--root"]);
         command.arg(&self.config().root).stdin(Stdio::null()).stdout(Stdio::piped());
-        command.stderr(std::fs::File::create(self.folder.path().join("said")).expect("a file"));
+        command.stderr(std::fs::File::create(self.folder.path().join("stderr")).expect("a file"));
         Process::start(&mut command)
     }
 
-    fn said(&self) -> String {
-        std::fs::read_to_string(self.folder.path().join("said")).expect("a file")
+    fn stderr(&self) -> String {
+        std::fs::read_to_string(self.folder.path().join("stderr")).expect("a file")
     }
 
     fn waits_for(&self, words: &str) {
         let begin = Instant::now();
-        while !self.said().contains(words) {
-            assert!(begin.elapsed() < Duration::from_secs(60), "never {words:?} in\n{}", self.said());
+        while !self.stderr().contains(words) {
+            assert!(begin.elapsed() < Duration::from_secs(60), "never {words:?} in\n{}", self.stderr());
             std::thread::sleep(Duration::from_millis(2));
         }
     }
@@ -202,7 +202,7 @@ fn every_sample_reaches_rivetd_and_the_arm_is_identified() {
         scene.health.receive_newest().expect("received").filter(|health| health.seq == count)
     });
     let bad = (health.lost, health.setpoints_missing, health.refused_stale, health.refused_invalid);
-    assert_eq!(bad, (0, 0, 0, 0), "{health:?}\n{}", scene.said());
+    assert_eq!(bad, (0, 0, 0, 0), "{health:?}\n{}", scene.stderr());
     assert_eq!(health.samples + health.rejected_faults + health.samples_held, count, "{health:?}");
     let used_s = cpu_s(&bridge);
     let printed = summary(&mut bridge);
@@ -284,15 +284,15 @@ robot.disconnect()
     let host = format!("127.{}.{}.{}", 1 + (pid >> 16) % 200, (pid >> 8) & 0xff, 1 + (pid & 0xff) % 200);
     let controller = UrController::start(&format!("{host}:30004"), periods.clone(), Behaviour::default());
     let output = python().args(["-c", SCRIPT, &host]).output().expect("Python runs");
-    let (printed, said) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-    assert!(output.status.success(), "{}: {printed}\n{said}", output.status);
+    let (printed, stderr) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{}: {printed}\n{stderr}", output.status);
     assert!(controller.sent() > 200);
     let rows: Vec<Vec<f64>> = printed
         .lines()
         .filter_map(|line| line.split(' ').map(|word| word.parse().ok()).collect::<Option<Vec<f64>>>())
         .filter(|row| row.len() == 39)
         .collect();
-    assert!(rows.len() > 20, "{printed}\n{said}");
+    assert!(rows.len() > 20, "{printed}\n{stderr}");
     for row in &rows {
         let tick = ((row[0] - 1234.5) / PERIOD_S).round() as usize;
         let (sample, plan) = &periods[tick % periods.len()];
@@ -356,7 +356,7 @@ fn what_goes_wrong_is_counted_and_survived() {
     let printed = summary(&mut bridge);
     let sent = controller.sent();
     scene.collect("the rest", &mut all, |all| all.len() as u64 == printed["samples"].as_u64().expect("a count"));
-    println!("{printed:#}\n{}", scene.said());
+    println!("{printed:#}\n{}", scene.stderr());
     assert!(lost >= 5 + 1000, "{lost}");
     assert_eq!(printed["lost"].as_u64(), Some(lost), "what the sequence leaves out");
     assert_eq!((&printed["restarts"], &printed["texts"]), (&1.into(), &1.into()));
@@ -376,8 +376,8 @@ fn currents_become_torques_by_the_robot_file_or_not_at_all() {
     let controller = UrController::start("127.0.0.1:0", periods.clone(), old.clone());
     let mut bridge = scene.start(controller.address().port(), &[]);
     assert_eq!(bridge.ends().code(), Some(78));
-    let said = scene.said();
-    assert!(said.contains("PolyScope 5.12.4.7") && said.contains("set [drive] drive_gain (N m/A"), "{said}");
+    let stderr = scene.stderr();
+    assert!(stderr.contains("PolyScope 5.12.4.7") && stderr.contains("set [drive] drive_gain (N m/A"), "{stderr}");
     assert!(scene.received().is_empty(), "nothing was published");
 
     let scene = Scene::new("ur-current", &[(gains, "drive_gain = [1, 2, 3, 4, 5, 6]")]);
@@ -394,8 +394,8 @@ fn currents_become_torques_by_the_robot_file_or_not_at_all() {
             assert_eq!(state.tau[j], (j + 1) as f64 * (sample.tau[j] / GAIN), "joint {}", j + 1);
         }
     }
-    let said = scene.said();
-    assert!(said.contains("torque: actual_current [A], measured, times drive_gain"), "{said}");
+    let stderr = scene.stderr();
+    assert!(stderr.contains("torque: actual_current [A], measured, times drive_gain"), "{stderr}");
 
     // Neither: what a model computes is no torque.
     let neither = vec!["actual_current_as_torque", "actual_current"];
@@ -403,7 +403,7 @@ fn currents_become_torques_by_the_robot_file_or_not_at_all() {
         UrController::start("127.0.0.1:0", periods, Behaviour { unknown: neither, ..Behaviour::default() });
     let mut bridge = scene.start(controller.address().port(), &[]);
     assert_eq!(bridge.ends().code(), Some(78));
-    assert!(scene.said().contains("neither actual_current_as_torque nor actual_current"), "{}", scene.said());
+    assert!(scene.stderr().contains("neither actual_current_as_torque nor actual_current"), "{}", scene.stderr());
 }
 
 #[test]
@@ -414,16 +414,16 @@ fn refusals_name_the_remedy() {
     let refuses = |behaviour: Behaviour, more: &[&str]| {
         let controller = UrController::start("127.0.0.1:0", periods.clone(), behaviour);
         let mut bridge = scene.start(controller.address().port(), more);
-        (bridge.ends().code(), scene.said())
+        (bridge.ends().code(), scene.stderr())
     };
-    let (code, said) = refuses(Behaviour { accepts_protocol: false, ..Behaviour::default() }, &[]);
-    assert!(code == Some(70) && said.contains("does not accept protocol version 2"), "{code:?}: {said}");
-    let (code, said) = refuses(Behaviour { version: [3, 15, 8, 0], ..Behaviour::default() }, &[]);
-    assert!(code == Some(78) && said.contains("set sample_period_s = 0.008"), "{code:?}: {said}");
-    let (code, said) = refuses(Behaviour { unknown: vec!["actual_q"], ..Behaviour::default() }, &[]);
-    assert!(code == Some(70) && said.contains("does not have the field actual_q"), "{code:?}: {said}");
-    let (code, said) = refuses(Behaviour::default(), &["--rate", "125"]);
-    assert!(code == Some(64) && said.contains("set it to 0.008"), "{code:?}: {said}");
+    let (code, stderr) = refuses(Behaviour { accepts_protocol: false, ..Behaviour::default() }, &[]);
+    assert!(code == Some(70) && stderr.contains("does not accept protocol version 2"), "{code:?}: {stderr}");
+    let (code, stderr) = refuses(Behaviour { version: [3, 15, 8, 0], ..Behaviour::default() }, &[]);
+    assert!(code == Some(78) && stderr.contains("set sample_period_s = 0.008"), "{code:?}: {stderr}");
+    let (code, stderr) = refuses(Behaviour { unknown: vec!["actual_q"], ..Behaviour::default() }, &[]);
+    assert!(code == Some(70) && stderr.contains("does not have the field actual_q"), "{code:?}: {stderr}");
+    let (code, stderr) = refuses(Behaviour::default(), &["--rate", "125"]);
+    assert!(code == Some(64) && stderr.contains("set it to 0.008"), "{code:?}: {stderr}");
     // Without targets the arm is read all the same.
     let behaviour = Behaviour { unknown: vec!["target_qdd"], ..Behaviour::default() };
     let controller = UrController::start("127.0.0.1:0", periods.clone(), behaviour);
@@ -435,7 +435,7 @@ fn refusals_name_the_remedy() {
     });
     assert!(states.iter().all(|(_, plan)| plan.is_none()));
     assert_eq!(bridge.ends().code(), Some(0));
-    assert!(scene.said().contains("setpoint: none"), "{}", scene.said());
+    assert!(scene.stderr().contains("setpoint: none"), "{}", scene.stderr());
 }
 
 /// A host that is not there yet: one line, attempts with growing waits, and an end by SIGINT within one of them.
@@ -449,7 +449,7 @@ fn a_controller_may_come_later() {
     let mut bridge = scene.start(port, &[]);
     scene.waits_for("trying again");
     std::thread::sleep(Duration::from_secs(1));
-    assert_eq!(scene.said().matches("trying again").count(), 1, "{}", scene.said());
+    assert_eq!(scene.stderr().matches("trying again").count(), 1, "{}", scene.stderr());
     assert!(scene.received().is_empty());
     let controller = UrController::start(&format!("127.0.0.1:{port}"), periods, Behaviour::default());
     let mut all = Vec::new();
@@ -463,5 +463,5 @@ fn a_controller_may_come_later() {
     let mut bridge = scene.start(port, &[]);
     scene.waits_for("trying again");
     assert_eq!(bridge.end("-INT").code(), Some(70));
-    assert!(scene.said().contains("no sample came from 127.0.0.1"), "{}", scene.said());
+    assert!(scene.stderr().contains("no sample came from 127.0.0.1"), "{}", scene.stderr());
 }

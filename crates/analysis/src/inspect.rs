@@ -199,31 +199,35 @@ pub fn meaning(robot: &Robot, recording: &Path) -> Result<Option<(&'static str, 
     let log = read_as(recording, &runs::read_options(robot), &Naming { joints: &joints, map: &stated })?;
     let log = log.by_its_positions().without_crowds();
     let Some(found) = reading::compare(robot, &log) else { return Ok(None) };
-    let is_of_torque = |state: ArmState| matches!(state, ArmState::Computed | ArmState::LinkSide);
-    let about = |reading: &Reading| {
+    let best = most_probable(&found, |reading| {
         // Of the states of the arm two say what the torque is; the others are of the file.
-        let state = if is_of_torque(reading.state) { reading.state } else { ArmState::Nominal };
-        (reading.faults.clone(), state)
-    };
-    let mut sums: Vec<(Reading, f64)> = Vec::new();
-    for reading in &found.readings {
-        match sums.iter_mut().find(|(known, _)| about(known) == about(reading)) {
-            Some((_, sum)) => *sum += reading.probability,
-            None => sums.push((reading.clone(), reading.probability)),
-        }
-    }
-    let best = sums.into_iter().max_by(|a, b| a.1.total_cmp(&b.1));
+        let state = if is_of_torque(reading) { reading.state } else { ArmState::Nominal };
+        Reading { state, probability: 0.0, residual: Vec::new(), ..reading.clone() }
+    });
     Ok(best.map(|(reading, probability)| {
-        let is_as_recorded = reading.faults.is_empty() && !is_of_torque(reading.state);
         let mut joints: Vec<usize> = reading.faults.iter().flat_map(LogReading::joints).collect();
         joints.sort_unstable();
-        let name = match reading.faults.as_slice() {
-            [] if is_as_recorded => "as_it_is",
-            [] | [_] => reading.name(),
-            _ => "several_faults",
-        };
+        let name = if reading.faults.len() > 1 { "several_faults" } else { reading.name() };
         (name, joints, probability)
     }))
+}
+
+/// Whether the state of the arm says what the torque is.
+fn is_of_torque(reading: &Reading) -> bool {
+    matches!(reading.state, ArmState::Computed | ArmState::LinkSide)
+}
+
+/// The most probable of what `part` makes of the readings, with the sum of the probabilities of all readings that share it.
+fn most_probable<T: PartialEq>(found: &Screening, part: impl Fn(&Reading) -> T) -> Option<(T, f64)> {
+    let mut sums: Vec<(T, f64)> = Vec::new();
+    for reading in &found.readings {
+        let of_reading = part(reading);
+        match sums.iter_mut().find(|(known, _)| *known == of_reading) {
+            Some((_, sum)) => *sum += reading.probability,
+            None => sums.push((of_reading, reading.probability)),
+        }
+    }
+    sums.into_iter().max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
 /// Whether a fault is one of the positions.
@@ -237,22 +241,14 @@ fn of_channel(found: &Screening, channel: &'static str, of_q: bool, names: &[Str
     let part = |reading: &Reading| -> String {
         let faults: Vec<LogReading> = reading.faults.iter().filter(|f| is_of_positions(f) == of_q).cloned().collect();
         // Of the states of the arm two say what the torque is; the others are of the file.
-        let is_of_torque = !of_q && matches!(reading.state, ArmState::Computed | ArmState::LinkSide);
+        let is_of_torque = !of_q && is_of_torque(reading);
         if faults.is_empty() && !is_of_torque {
             return "as recorded".to_owned();
         }
         let state = if is_of_torque { reading.state } else { ArmState::Nominal };
         Reading { faults, state, ..reading.clone() }.text(names)
     };
-    let mut sums: Vec<(String, f64)> = Vec::new();
-    for reading in &found.readings {
-        let text = part(reading);
-        match sums.iter_mut().find(|(known, _)| *known == text) {
-            Some((_, sum)) => *sum += reading.probability,
-            None => sums.push((text, reading.probability)),
-        }
-    }
-    let (text, probability) = sums.into_iter().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or_default();
+    let (text, probability) = most_probable(found, part).unwrap_or_default();
     ChannelReading { channel, text, probability }
 }
 

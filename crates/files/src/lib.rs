@@ -10,6 +10,7 @@ mod draft;
 mod folder;
 mod lock;
 mod printable;
+mod status_line;
 mod sweep;
 
 use destination::Destination;
@@ -18,6 +19,7 @@ use folder::Folder;
 pub use lock::open_lock;
 pub use printable::{Printable, arguments_are_printable, is_unsafe, note, printable, printable_json};
 use rustix::fs::OFlags;
+pub use status_line::StatusLine;
 use std::fs::{self, File};
 use std::io::{self, Read as _, Write as _};
 use std::path::{Path, PathBuf};

@@ -25,7 +25,7 @@ pub(crate) struct Shape {
 
 impl Shape {
     /// The shape of an array with these lengths, where `rows` are the samples; none where no dimension is the samples.
-    pub(crate) fn of(lengths: &[usize], rows: usize) -> Option<Shape> {
+    pub(crate) fn with_rows(lengths: &[usize], rows: usize) -> Option<Shape> {
         let shape = match lengths[..] {
             [length] if length == rows => Shape { rows, width: 1, is_turned: false, is_table: false },
             [length, width] if length == rows => Shape { rows, width, is_turned: false, is_table: true },

@@ -1,4 +1,4 @@
-//! HDF5 files (`h5py`, ACT, robomimic, DROID, MATLAB 7.3): data sets of numbers, one a name, and structures of numbers.
+//! HDF5 files (`h5py`, robomimic, DROID, MATLAB 7.3): data sets of numbers, one a name, and structures of numbers.
 //!
 //! A data set with one dimension is a column, one with two a column a joint: `group/name[i]`. A field of a structure is a data set
 //! `group/name/field`. Rows are the samples; a data set whose second dimension is the samples is turned. Episodes, groups such as
@@ -70,7 +70,7 @@ impl Episode {
     /// The array of a name with its shape, where it has samples.
     fn array(&self, name: &str) -> Option<(&Array, Shape)> {
         let array = self.arrays.get(name)?;
-        Some((array, Shape::of(&array.lengths, self.rows)?))
+        Some((array, Shape::with_rows(&array.lengths, self.rows)?))
     }
 }
 
@@ -115,26 +115,29 @@ impl Contents {
         let conventions = text.map_or(Conventions::Recorder, |text| Conventions::stated(&text));
         let mut walk = Walk::default();
         walk.group(&root, "", 0);
-        let Walk { arrays, mut warnings, others, .. } = walk;
+        let Walk { arrays, mut warnings, others, damaged, .. } = walk;
+        if !damaged.is_empty() {
+            warnings.push(format!("not read, as they are damaged or of an unknown kind: {}", listed(&damaged)));
+        }
         if !others.is_empty() {
             warnings.push(format!("not read, as they are no tables of numbers: {}", listed(&others)));
         }
         let episodes = split(arrays.into_values().flatten().collect(), &mut warnings);
         let first = &episodes[0];
-        let (names, without): (Vec<String>, Vec<String>) = first.arrays.keys().cloned().partition(|name| {
+        let (names, mismatched): (Vec<String>, Vec<String>) = first.arrays.keys().cloned().partition(|name| {
             let found = first.array(name);
             let is_like = |(array, shape): (&Array, Shape)| {
                 found.is_some_and(|(first, of_first)| array.kind == first.kind && shape.width == of_first.width)
             };
             episodes.iter().all(|episode| episode.array(name).is_some_and(is_like))
         });
-        if !without.is_empty() {
+        if !mismatched.is_empty() {
             let what = if episodes.len() > 1 {
                 "the same in every episode".to_owned()
             } else {
                 format!("of {} samples", first.rows)
             };
-            warnings.push(format!("not read, as they are not {what}: {}", listed(&without)));
+            warnings.push(format!("not read, as they are not {what}: {}", listed(&mismatched)));
         }
         Ok(Contents { file, bytes, episodes, names, conventions, warnings })
     }
@@ -158,6 +161,8 @@ struct Walk {
     arrays: BTreeMap<String, Vec<Array>>,
     /// Data sets that are no tables of numbers.
     others: Vec<String>,
+    /// What cannot be read, with the reason.
+    damaged: Vec<String>,
     warnings: Vec<String>,
     /// Addresses of groups and data sets, with the name of the link: several links may lead to one.
     seen: BTreeMap<u64, String>,
@@ -169,13 +174,13 @@ impl Walk {
             return;
         }
         if depth > MAX_DEPTH {
-            self.warnings.push(format!("groups below {path} are not read: they are more than {MAX_DEPTH} levels deep"));
+            self.damaged.push(format!("groups below {path} (more than {MAX_DEPTH} levels deep)"));
             return;
         }
         let (groups, sets) = match group.member_names() {
             Ok(names) => names,
             Err(why) => {
-                self.warnings.push(format!("group {path}/: {why}; it is not read"));
+                self.damaged.push(format!("group {path}/ ({why})"));
                 return;
             }
         };
@@ -188,7 +193,7 @@ impl Walk {
             let place = below(&name);
             match group.dataset(&name) {
                 Ok(set) => self.data_set(&set, place),
-                Err(why) => self.warnings.push(format!("data set {place}: {why}; it is not read")),
+                Err(why) => self.damaged.push(format!("data set {place} ({why})")),
             }
         }
         for name in groups {
@@ -198,7 +203,7 @@ impl Walk {
             let path = below(&name);
             match group.group(&name) {
                 Ok(group) => self.group(&group, &path, depth + 1),
-                Err(why) => self.warnings.push(format!("group {path}: {why}; it is not read")),
+                Err(why) => self.damaged.push(format!("group {path} ({why})")),
             }
         }
     }
@@ -249,9 +254,9 @@ impl Walk {
     }
 }
 
-fn kind_of(of: &Datatype) -> Option<Kind> {
+fn kind_of(datatype: &Datatype) -> Option<Kind> {
     let is_big = |order: &ByteOrder| *order == ByteOrder::BigEndian;
-    match of {
+    match datatype {
         Datatype::FloatingPoint { size, byte_order } => Kind::float(usize::from(*size), is_big(byte_order)),
         Datatype::FixedPoint { size, signed, byte_order } => {
             Kind::integer_of(usize::from(*size), *signed, is_big(byte_order))
@@ -263,13 +268,13 @@ fn kind_of(of: &Datatype) -> Option<Kind> {
 /// Arrays of groups, by the number of their name and the name.
 type Groups = BTreeMap<(u64, String), Vec<Array>>;
 
-/// Splits arrays into episodes; one where there are none. Episodes are groups beside each other that are called so, and whose names
-/// differ in a number. Of several sets of episodes, and of what stands beside them, that with the most rows is read; `warnings` lists
+/// Splits arrays into episodes; a file without episodes is one. Episodes are groups of one group that are called so, and whose names
+/// differ in a number. Of several sets of episodes, and of the arrays outside them, that with the most rows is read; `warnings` lists
 /// the rest.
 fn split(arrays: Vec<Array>, warnings: &mut Vec<String>) -> Vec<Episode> {
     // By where they are and what stands before the number: number and name, and arrays with their name without the group's.
     let mut found: BTreeMap<(String, String), Groups> = BTreeMap::new();
-    let mut beside = Vec::new();
+    let mut ungrouped = Vec::new();
     for array in arrays {
         let parts: Vec<&str> = array.name.split('/').collect();
         let episode = parts[..parts.len() - 1].iter().enumerate().find_map(|(depth, part)| {
@@ -279,7 +284,7 @@ fn split(arrays: Vec<Array>, warnings: &mut Vec<String>) -> Vec<Episode> {
             EPISODE_WORDS.contains(&word.as_str()).then_some((depth, stem, number))
         });
         let Some((depth, stem, number)) = episode else {
-            beside.push(array);
+            ungrouped.push(array);
             continue;
         };
         let name = [&parts[..depth], &parts[depth + 1..]].concat().join("/");
@@ -298,16 +303,16 @@ fn split(arrays: Vec<Array>, warnings: &mut Vec<String>) -> Vec<Episode> {
         }
         sets.push((format!("{place}/{stem}*"), episodes));
     }
-    if !beside.is_empty() || sets.is_empty() {
-        let names: Vec<String> = beside.iter().map(|array| array.name.clone()).collect();
-        sets.push((listed(&names), vec![Episode::new(beside)]));
+    if !ungrouped.is_empty() || sets.is_empty() {
+        let names: Vec<String> = ungrouped.iter().map(|array| array.name.clone()).collect();
+        sets.push((listed(&names), vec![Episode::new(ungrouped)]));
     }
     let rows = |(_, episodes): &(String, Vec<Episode>)| episodes.iter().map(|episode| episode.rows).sum::<usize>();
     let most = (0..sets.len()).max_by_key(|k| rows(&sets[*k])).unwrap_or(0);
     let (_, episodes) = sets.swap_remove(most);
     if !sets.is_empty() {
         let others: Vec<String> = sets.into_iter().map(|(name, _)| name).collect();
-        warnings.push(format!("beside the episodes with the most rows these are not read: {}", others.join("; ")));
+        warnings.push(format!("not read, as another part of the file has more rows: {}", others.join("; ")));
     }
     if episodes.is_empty() { vec![Episode::new(Vec::new())] } else { episodes }
 }
@@ -333,7 +338,7 @@ pub(crate) fn list(path: &Path) -> Result<Listing, LogError> {
 }
 
 /// An array of which columns are read.
-struct Wish {
+struct Selected {
     name: String,
     /// Place among the read columns of each of its columns.
     places: Vec<Option<usize>>,
@@ -354,7 +359,7 @@ pub(crate) fn read(path: &Path, wanted: Wanted<'_>) -> Result<Table, LogError> {
             Some(start)
         })
         .collect();
-    let mut wanted_arrays: Vec<Wish> = Vec::new();
+    let mut selected: Vec<Selected> = Vec::new();
     for name in names {
         let Some((_, shape)) = episodes[0].array(&name) else { continue };
         let columns = shape.names(&name, conventions);
@@ -364,13 +369,13 @@ pub(crate) fn read(path: &Path, wanted: Wanted<'_>) -> Result<Table, LogError> {
         if !kept.is_empty() {
             let columns: Vec<String> = kept.into_iter().map(|(column, _)| column).collect();
             let numbers = columns.iter().map(|_| Numbers::default()).collect();
-            wanted_arrays.push(Wish { name, places, columns, numbers });
+            selected.push(Selected { name, places, columns, numbers });
         }
     }
     for episode in &episodes {
         // Fields of one structure come one after the other: it is read once.
         let mut last: Option<(&str, Vec<u8>)> = None;
-        for Wish { name, places, numbers, .. } in &mut wanted_arrays {
+        for Selected { name, places, numbers, .. } in &mut selected {
             let Some((array, shape)) = episode.array(name) else { continue };
             let of_array = |why: String| {
                 LogFault::Format { format: "HDF5", why: format!("data set {}: {why}", array.place) }.at(path)
@@ -387,7 +392,7 @@ pub(crate) fn read(path: &Path, wanted: Wanted<'_>) -> Result<Table, LogError> {
             append(numbers, bytes, array, shape, places).map_err(of_array)?;
         }
     }
-    for Wish { name, columns, numbers, .. } in wanted_arrays {
+    for Selected { name, columns, numbers, .. } in selected {
         let is_time = guess::word(&name) == Some("time");
         for (column, numbers) in columns.into_iter().zip(numbers) {
             let mut values = numbers.into_values();

@@ -83,7 +83,7 @@ impl Archive {
         let numbers = arrays.iter().filter(|array| array.header.kind.is_some());
         let rows = samples(numbers.map(|array| (array.name.as_str(), array.header.shape.as_slice())));
         for array in &mut arrays {
-            array.shape = array.header.kind.and_then(|_| Shape::of(&array.header.shape, rows));
+            array.shape = array.header.kind.and_then(|_| Shape::with_rows(&array.header.shape, rows));
             if array.shape.is_none() {
                 let Header { kind, shape, .. } = &array.header;
                 let why = match kind {

@@ -6,10 +6,9 @@ use rivet_files::printable;
 use rivet_ipc_schema::{
     Bus, BusConfig, ControllerHealth, ControllerState, DaemonMode, Drift, DriftVerdict, HISTOGRAM_BINS, Health,
     InputFault, InstrumentSource, LoadLevel, PHASES, ParameterRefusal, ParameterSource, ParameterState, Parameters,
-    PeriodCause, SourceReason, StateFolder, StopCause, Subscriber, Timing, parameter_flags,
+    PeriodCause, SourceReason, StateFolder, StopCause, Subscriber, Timing, parameter_flags, words,
 };
 use rivet_realtime::{LogHistogram, now_ns};
-use std::fmt::Debug;
 
 /// The pause between reports where nothing else is said \[ns\].
 const USUAL_NS: u64 = 1_000_000_000;
@@ -244,18 +243,6 @@ fn follow(before: Option<(u64, u64, [u64; 2])>, count: u64, stamp_ns: u64) -> (f
     let pause_ns = stamp_ns.saturating_sub(old_stamp_ns);
     let rate = if pause_ns > 0 { (count - old_count) as f64 / (pause_ns as f64 * 1e-9) } else { f64::NAN };
     (rate, [pause_ns, pauses_ns[0]])
-}
-
-/// `WorseThanNominal` as "worse than nominal".
-pub(crate) fn words(variant: impl Debug) -> String {
-    let mut out = String::new();
-    for letter in format!("{variant:?}").chars() {
-        if letter.is_ascii_uppercase() && !out.is_empty() {
-            out.push(' ');
-        }
-        out.push(letter.to_ascii_lowercase());
-    }
-    out
 }
 
 /// A fault in words. The message's name for a torque against the model is that of one cause; a model that is wrong, as after a

@@ -1,12 +1,11 @@
 //! Universal Robots by RTDE: joint states and targets of a Universal Robots controller on the bus.
 
 use std::fmt::Write as _;
-use std::io::{IsTerminal as _, Write as _};
 use std::net::{TcpStream, ToSocketAddrs as _};
 use std::time::{Duration, Instant};
 
 use rivet::{OpenError, Robot, Sample, Status, sample_flags};
-use rivet_files::{note, printable};
+use rivet_files::{StatusLine, note, printable};
 use rivet_ipc_schema::{BusConfig, faults};
 use rivet_realtime::{Shutdown, now_ns};
 use rivet_rtde::robot::{CANDIDATES, JOINTS, Missing};
@@ -19,14 +18,12 @@ use crate::backoff::Backoff;
 
 /// Time for a connection to be made, and for the answer to a request.
 const PATIENCE: Duration = Duration::from_secs(2);
-/// Longest wait of a read: the shutdown flag is looked at between two.
+/// Longest wait of a read: the shutdown flag is checked between two.
 const LOOK: Duration = Duration::from_millis(50);
 /// Silence after which the connection is given up: the controller sends in every mode.
 const LONGEST_SILENCE: Duration = Duration::from_secs(2);
 /// Time between two pictures of the status line.
 const BETWEEN_PICTURES: Duration = Duration::from_secs(1);
-/// Longest status line \[columns\]: it is drawn over on terminals of 80.
-const STATUS_COLUMNS: usize = 79;
 /// Texts of the controller that are shown in a second; the rest is counted.
 const TEXTS_PER_SECOND: u32 = 10;
 /// Largest relative difference of two rates that are the same.
@@ -168,7 +165,7 @@ struct Bridge<'a> {
     modes: (Option<RobotMode>, Option<SafetyMode>),
     texts: Texts,
     status: Picture,
-    /// A sample came in this session.
+    /// A sample came on this connection.
     has_samples: bool,
     full: bool,
 }
@@ -200,7 +197,7 @@ impl<'a> Bridge<'a> {
             controller: None,
             modes: (None, None),
             texts: Texts { second: Instant::now(), shown: 0, count: 0 },
-            status: Picture { is_shown: settings.draws_status && std::io::stderr().is_terminal(), drawn: None },
+            status: Picture { line: StatusLine::new(settings.draws_status), drawn: None },
             has_samples: false,
             full: false,
         })
@@ -483,15 +480,15 @@ impl Listener for Answers<'_> {
     }
 }
 
-/// One line on the terminal's standard error.
+/// The status line, drawn once a second.
 struct Picture {
-    is_shown: bool,
+    line: StatusLine,
     drawn: Option<Instant>,
 }
 
 impl Picture {
     fn draw(&mut self, counts: &Summary, period_s: f64, modes: (Option<RobotMode>, Option<SafetyMode>)) {
-        if !self.is_shown || self.drawn.is_some_and(|drawn| drawn.elapsed() < BETWEEN_PICTURES) {
+        if !self.line.is_shown() || self.drawn.is_some_and(|drawn| drawn.elapsed() < BETWEEN_PICTURES) {
             return;
         }
         self.drawn = Some(Instant::now());
@@ -500,15 +497,12 @@ impl Picture {
         // Writing to a string cannot fail.
         let _ = modes.0.map(|mode| write!(text, "; robot {mode}"));
         let _ = modes.1.map(|mode| write!(text, ", safety {mode}"));
-        // A terminal that is gone is no reason to stop.
-        let text: String = (text + "; Ctrl-C ends").chars().take(STATUS_COLUMNS).collect();
-        let _ = write!(std::io::stderr(), "\r\x1b[K{text}");
+        self.line.draw(&(text + "; Ctrl-C ends"));
     }
 
     fn remove(&mut self) {
-        if self.drawn.take().is_some() {
-            let _ = write!(std::io::stderr(), "\r\x1b[K");
-        }
+        self.drawn = None;
+        self.line.remove();
     }
 }
 

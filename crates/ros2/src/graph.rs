@@ -57,7 +57,7 @@ pub(crate) struct Graph {
 }
 
 impl Graph {
-    /// Joins the domain `domain` on the network interfaces with these addresses, on all where there are none.
+    /// Joins the domain `domain` on the network interfaces with these addresses; on all of them without an address.
     ///
     /// # Errors
     /// The library's.

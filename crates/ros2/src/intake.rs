@@ -29,7 +29,7 @@ pub struct Arrived<T> {
 /// What the bus is to get.
 #[derive(Clone, Copy, Debug)]
 pub struct Outgoing {
-    /// Periods before the sample for which there is none.
+    /// Periods before the sample without a sample of their own.
     pub skip: u64,
     /// The sample.
     pub sample: Sample,
@@ -205,7 +205,7 @@ impl Intake {
                     format!("{topic}: message {number} is stamped {stamp_ns} ns, not later than the one before; it is left out")
                 });
                 // Its number counts: the next one is no loss.
-                self.losses.expect_number(number + 1);
+                self.losses.expect_number(number.saturating_add(1));
                 None
             }
         }

@@ -38,7 +38,7 @@ impl Losses {
     pub(crate) fn next(&mut self, number: i64, stamp_ns: u64) -> Hole {
         let Some((last_number, last_ns)) = self.last.replace((number, stamp_ns)) else { return Hole::default() };
         let step_ns = stamp_ns.saturating_sub(last_ns) as f64;
-        let lost = u64::try_from(number - last_number - 1).unwrap_or(0).min(MOST);
+        let lost = u64::try_from(number.saturating_sub(last_number).saturating_sub(1)).unwrap_or(0).min(MOST);
         // A rate that is not the robot file's is the daemon's to refuse: it is no loss.
         let trusted = (self.usual_ns / self.period_ns - 1.0).abs() <= USUAL;
         let by_stamp = if trusted && step_ns > 1.5 * self.period_ns {
@@ -56,7 +56,7 @@ impl Losses {
     /// The next message has the number `number`, as of another sender; the stamps go on.
     pub(crate) fn expect_number(&mut self, number: i64) {
         if let Some((last, _)) = &mut self.last {
-            *last = number - 1;
+            *last = number.saturating_sub(1);
         }
     }
 

@@ -4,7 +4,7 @@ use std::fmt::{Debug, Display};
 
 use rivet_ipc_schema::{
     ControllerHealth, ControllerState, DaemonMode, Drift, DriftVerdict, Health, InputFault, ParameterState, Parameters,
-    StopCause, parameter_flags,
+    StopCause, parameter_flags, words,
 };
 
 use crate::intake::Counts;
@@ -47,18 +47,6 @@ pub struct Report<'a> {
     pub parameters: Option<&'a Parameters>,
     /// This program.
     pub bridge: &'a BridgeState,
-}
-
-/// A variant's name in words: `WrongPeriod` is "wrong period".
-fn words(variant: impl Debug) -> String {
-    let mut out = String::new();
-    for letter in format!("{variant:?}").chars() {
-        if letter.is_ascii_uppercase() && !out.is_empty() {
-            out.push(' ');
-        }
-        out.push(letter.to_ascii_lowercase());
-    }
-    out
 }
 
 fn named<T: TryFrom<u32> + Debug>(value: u32) -> String {

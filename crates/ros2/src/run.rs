@@ -1,10 +1,11 @@
 //! The program: inputs from the graph to the bus on this thread, outputs on another one.
 
-use std::io::{IsTerminal as _, Write as _};
+use std::io::Write as _;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
+use rivet_files::StatusLine;
 use rivet_ipc_schema::BusConfig;
 use rivet_realtime::{Shutdown, now_ns};
 use rustdds::mio1::{Events, Interest, Poll, Token};
@@ -33,8 +34,6 @@ const BETWEEN_COUNTS: Duration = Duration::from_millis(500);
 const MISFIT: Duration = Duration::from_secs(3);
 /// Joint states in that time, at least: one message of a gripper that starts first ends nothing.
 const MISFIT_MESSAGES: u64 = 5;
-/// Longest status line \[columns\]: it is drawn over on terminals of 80.
-const STATUS_COLUMNS: usize = 79;
 
 const JOINT_STATES: Token = Token(0);
 const SETPOINTS: Token = Token(1);
@@ -243,7 +242,7 @@ impl Turns<'_> {
     fn all(&mut self, inputs: &mut Inputs, intake: &mut Intake, sender: &mut rivet::Robot) -> Result<(), Failure> {
         let begin = Instant::now();
         let mut events = Events::with_capacity(16);
-        let mut status = Status::new(self.options.json);
+        let mut status_line = StatusLine::new(!self.options.json);
         let mut counted: Option<Instant> = None;
         // Since when, and how many joint states had been refused then.
         let mut misfit: Option<(Instant, u64)> = None;
@@ -272,7 +271,7 @@ impl Turns<'_> {
                 (Some(why), Some((since, before)))
                     if since.elapsed() >= MISFIT && intake.counts().refused >= before + MISFIT_MESSAGES =>
                 {
-                    status.remove();
+                    status_line.remove();
                     return Err(Failure::Joints { topic: self.options.joint_states.clone(), why: why.clone() });
                 }
                 (Some(_), None) => misfit = Some((Instant::now(), intake.counts().refused)),
@@ -281,15 +280,15 @@ impl Turns<'_> {
             }
             if counted.is_none_or(|counted| counted.elapsed() >= BETWEEN_COUNTS) {
                 counted = Some(Instant::now());
-                self.count(inputs, intake, sender, &mut status);
+                self.count(inputs, intake, sender, &mut status_line);
             }
         }
-        status.remove();
+        status_line.remove();
         Ok(())
     }
 
     /// Reports news, hands the counts to the outputs, shows the status line.
-    fn count(&self, inputs: &Inputs, intake: &mut Intake, sender: &rivet::Robot, status: &mut Status) {
+    fn count(&self, inputs: &Inputs, intake: &mut Intake, sender: &rivet::Robot, status_line: &mut StatusLine) {
         let (now, lost) = (now_ns(), bus_lost(sender));
         let more = lost.saturating_sub(intake.problems().times(Problem::Bus));
         if more > 0 {
@@ -297,7 +296,7 @@ impl Turns<'_> {
             intake.problems().count(Problem::Bus, more, now, || format!("the bus did not take {more} samples: {why}"));
         }
         for text in intake.problems().news() {
-            status.remove();
+            status_line.remove();
             rivet_files::note(format_args!("rivet-ros2: {text} (reported once)"));
         }
         let counts = intake.counts();
@@ -309,7 +308,7 @@ impl Turns<'_> {
             measured.bridge.problems =
                 intake.problems().present(now).map(|(problem, met)| (problem.is_serious(), met.text.clone())).collect();
         }
-        status.draw(&self.robot.config.name, &counts, lost);
+        status_line.draw(&status(&self.robot.config.name, &counts, lost));
     }
 
     fn compare(&self, text: &str, intake: &mut Intake) {
@@ -376,34 +375,10 @@ fn summary(
     })
 }
 
-/// One line on the terminal's standard error.
-struct Status {
-    is_shown: bool,
-    drawn: bool,
-}
-
-impl Status {
-    fn new(json: bool) -> Status {
-        Status { is_shown: std::io::stderr().is_terminal() && !json, drawn: false }
-    }
-
-    fn draw(&mut self, robot: &str, counts: &Counts, bus_lost: u64) {
-        if !self.is_shown {
-            return;
-        }
-        self.drawn = true;
-        let text = match counts.joint_states {
-            0 => format!("waiting for joint states of {robot}; Ctrl-C ends"),
-            _ => line(counts, bus_lost) + "; Ctrl-C ends",
-        };
-        // A terminal that is gone is no reason to stop.
-        let text: String = text.chars().take(STATUS_COLUMNS).collect();
-        let _ = write!(std::io::stderr(), "\r\x1b[K{text}");
-    }
-
-    fn remove(&mut self) {
-        if std::mem::take(&mut self.drawn) {
-            let _ = write!(std::io::stderr(), "\r\x1b[K");
-        }
+/// What the status line shows.
+fn status(robot: &str, counts: &Counts, bus_lost: u64) -> String {
+    match counts.joint_states {
+        0 => format!("waiting for joint states of {robot}; Ctrl-C ends"),
+        _ => line(counts, bus_lost) + "; Ctrl-C ends",
     }
 }

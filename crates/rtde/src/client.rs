@@ -94,16 +94,16 @@ impl<S: Read + Write> Client<S> {
     /// The stream failed or has ended; a package that is malformed.
     pub fn poll(&mut self) -> Result<Event<'_>, RtdeError> {
         let Some(size) = self.fill()? else { return Ok(Event::Nothing) };
-        let (of, payload) = self.frames.take(size);
-        match (of, &self.recipe) {
-            (kind::DATA, Some(recipe)) => Ok(recipe.values(payload)?.map_or(Event::Ignored(of), Event::Data)),
+        let (package, payload) = self.frames.take(size);
+        match (package, &self.recipe) {
+            (kind::DATA, Some(recipe)) => Ok(recipe.values(payload)?.map_or(Event::Ignored(package), Event::Data)),
             (kind::TEXT_MESSAGE, _) => Ok(Event::Text(TextMessage::decode(payload)?)),
-            _ => Ok(Event::Ignored(of)),
+            _ => Ok(Event::Ignored(package)),
         }
     }
 
-    fn send(&mut self, of: u8, payload: &[u8]) -> Result<(), RtdeError> {
-        Ok(self.stream.write_all(&encode(of, payload)?)?)
+    fn send(&mut self, request: u8, payload: &[u8]) -> Result<(), RtdeError> {
+        Ok(self.stream.write_all(&encode(request, payload)?)?)
     }
 
     /// Size of the next package once it is there as a whole, with one read at most.
@@ -125,18 +125,18 @@ impl<S: Read + Write> Client<S> {
     }
 
     /// Sends a request and waits for the package of the same type.
-    fn ask(&mut self, of: u8, payload: &[u8], listener: &mut dyn Listener) -> Result<Vec<u8>, RtdeError> {
-        self.send(of, payload)?;
+    fn ask(&mut self, request: u8, payload: &[u8], listener: &mut dyn Listener) -> Result<Vec<u8>, RtdeError> {
+        self.send(request, payload)?;
         while listener.waits() {
             let Some(size) = self.fill()? else { continue };
             let (came, payload) = self.frames.take(size);
-            if came == of {
+            if came == request {
                 return Ok(payload.to_vec());
             }
             if came == kind::TEXT_MESSAGE {
                 listener.text(&TextMessage::decode(payload)?);
             }
         }
-        Err(RtdeError::NoAnswer { kind: of })
+        Err(RtdeError::NoAnswer { kind: request })
     }
 }

@@ -131,6 +131,7 @@ fn case(
         Some(source) => source,
         None => simulated(root, &mut random)?,
     };
+    log.torque().map_err(|why| format!("{arm}: {why}"))?;
     let meaning = &MEANINGS[below(&mut random, MEANINGS.len())];
     let joints = (meaning.change)(&mut Draw { robot: &robot, random: &mut random, log: &mut log });
     let format = &FORMATS[below(&mut random, FORMATS.len())];

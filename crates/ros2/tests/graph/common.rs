@@ -38,8 +38,8 @@ fn python() -> Option<PathBuf> {
     match Command::new(&python).args(["-c", "import cyclonedds.domain"]).output() {
         Ok(output) if output.status.success() => Some(python),
         Ok(output) => {
-            let said = String::from_utf8_lossy(&output.stderr);
-            let why = said.lines().last().unwrap_or_default();
+            let stderr = String::from_utf8_lossy(&output.stderr);
+            let why = stderr.lines().last().unwrap_or_default();
             skipped(&format!("{} has no Cyclone DDS ({why}); pip install cyclonedds", python.display()));
             None
         }
@@ -98,7 +98,7 @@ pub(crate) struct Stage {
 }
 
 impl Stage {
-    /// `None`, said aloud, where Python has no Cyclone DDS.
+    /// `None`, with a printed reason, where Python has no Cyclone DDS.
     pub(crate) fn new(label: &str) -> Option<Stage> {
         // One test after the other: each has several processes.
         static TURN: Mutex<()> = Mutex::new(());
@@ -182,11 +182,11 @@ impl Stage {
 
     pub(crate) fn bridge_on(&self, domain: u16, words: &[&str]) -> Bridge {
         static COUNT: AtomicU16 = AtomicU16::new(0);
-        let said = self.folder.path().join(format!("bridge-{}", COUNT.fetch_add(1, Ordering::Relaxed)));
+        let stderr = self.folder.path().join(format!("bridge-{}", COUNT.fetch_add(1, Ordering::Relaxed)));
         let mut command = self.command(0, Path::new(env!("CARGO_BIN_EXE_rivet-ros2")));
         self.on_bus(&mut command).args(["--json", "--domain", &domain.to_string()]).args(words).stdin(Stdio::null());
-        command.stdout(Stdio::piped()).stderr(File::create(&said).expect("made"));
-        Bridge { process: Process(command.spawn().expect("the program starts")), said }
+        command.stdout(Stdio::piped()).stderr(File::create(&stderr).expect("made"));
+        Bridge { process: Process(command.spawn().expect("the program starts")), stderr }
     }
 }
 
@@ -210,14 +210,14 @@ impl Drop for Process {
 /// The program under test, with the file of its standard error.
 pub(crate) struct Bridge {
     process: Process,
-    said: PathBuf,
+    stderr: PathBuf,
 }
 
 impl Bridge {
-    /// Its exit code and what it said, once it has ended by itself.
+    /// Its exit code and its standard error, once it has ended by itself.
     pub(crate) fn ended(mut self) -> (Option<i32>, String) {
         let status = self.process.0.wait().expect("waited");
-        (status.code(), std::fs::read_to_string(&self.said).expect("read"))
+        (status.code(), std::fs::read_to_string(&self.stderr).expect("read"))
     }
 
     /// Ends it by SIGTERM; its counts.
@@ -240,9 +240,9 @@ impl Bridge {
     pub(crate) fn wait(mut self) -> Value {
         let mut text = String::new();
         self.process.0.stdout.take().expect("a pipe").read_to_string(&mut text).expect("read");
-        let (code, said) = self.ended();
-        assert_eq!(code, Some(0), "{said}\n{text}");
-        println!("{said}");
+        let (code, stderr) = self.ended();
+        assert_eq!(code, Some(0), "{stderr}\n{text}");
+        println!("{stderr}");
         serde_json::from_str(&text).unwrap_or_else(|why| panic!("{why}: {text}"))
     }
 }

@@ -202,16 +202,16 @@ fn a_subscriber_that_hangs_holds_nothing_up() {
     println!("sent and not sent: {}", summary["sent"]);
 }
 
-/// Joint states of other joints end the program with what was found; best effort is read, and said.
+/// Joint states of other joints end the program with what was found; best effort is read, and reported.
 #[test]
 fn other_joints_are_listed_and_best_effort_is_read() {
     let Some(stage) = Stage::new("names") else { return };
     let bridge = stage.bridge(&[]);
     let peer = Peer::start(&stage, &["1000000", "no-setpoints", "names=elbow,wrist"]);
-    let (code, said) = bridge.ended();
+    let (code, stderr) = bridge.ended();
     peer.kill();
-    assert_eq!(code, Some(65), "{said}");
-    assert!(said.contains("/joint_states: joint joint_1 missing; the message has joints elbow, wrist"), "{said}");
+    assert_eq!(code, Some(65), "{stderr}");
+    assert!(stderr.contains("/joint_states: joint joint_1 missing; the message has joints elbow, wrist"), "{stderr}");
     let bus = stage.join();
     let states = bus.joint_state_subscriber().expect("a port");
     let bridge = stage.bridge(&[]);

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use rivet_config::Robot;
 use rivet_dynamics::{Parameter, Workspace};
-use rivet_logs::{Log, Signals};
+use rivet_logs::{Log, Signals, TorqueSource};
 use rivet_simulation::Random;
 
 /// Changes a log; returns the joints (from 0) whose channels are changed, none where it is all.
@@ -81,8 +81,7 @@ fn scale(signal: &mut [f64], factor: f64) {
 }
 
 fn torques(log: &mut Log) -> &mut Signals {
-    // Every source of a drawn recording has torques.
-    &mut log.tau.as_mut().expect("torques").1
+    &mut log.tau.get_or_insert_with(|| (TorqueSource::Logged, vec![Vec::new(); log.q.len()])).1
 }
 
 /// Changes every joint.
