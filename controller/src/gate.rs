@@ -226,7 +226,7 @@ fn stored_poses(robot: &Robot) -> Vec<Vec<f64>> {
 }
 
 /// Where friction stands among the base parameters, and the speeds that joints reach.
-struct Friction {
+pub(crate) struct Friction {
     viscous: [Option<usize>; MAX_JOINTS],
     coulomb: [Option<usize>; MAX_JOINTS],
     speed: [f64; MAX_JOINTS],
@@ -240,7 +240,7 @@ const RATIOS: [(f64, f64); 8] =
     [(1.0, 0.0), (0.0, 1.0), (1.0, 1.0), (1.0, -1.0), (1.0, 0.5), (1.0, -0.5), (0.5, 1.0), (-0.5, 1.0)];
 
 impl Friction {
-    fn of(robot: &Robot) -> Friction {
+    pub(crate) fn of(robot: &Robot) -> Friction {
         let place = |wanted: Parameter| {
             let standard = robot.model.parameters.iter().position(|p| *p == wanted)?;
             robot.base.independent.iter().position(|column| *column == standard)
@@ -279,6 +279,16 @@ impl Friction {
             }
         }
         most
+    }
+
+    /// Coulomb friction of each joint \[N·m\]; coupled joints, which share theirs, with the whole of it. Real-time safe.
+    pub(crate) fn coulomb(&self, x: &[f64]) -> [f64; MAX_JOINTS] {
+        let value = |place: Option<usize>| place.map_or(0.0, |i| x[i].abs());
+        let shared = |j: usize| {
+            let (.., coulomb) = self.coupled.filter(|(a, b, ..)| j == *a || j == *b)?;
+            coulomb
+        };
+        std::array::from_fn(|j| value(self.coulomb[j]) + value(shared(j)))
     }
 
     /// Whether friction takes power out of every motion up to the joints' speeds.

@@ -1,5 +1,6 @@
 //! Whether a sample, and what the arm did since the last one, can be trusted.
 
+use crate::gate::Friction;
 use crate::law::{ControlLaw, Desired};
 use crate::limits::SetpointLimits;
 use rivet_config::Robot;
@@ -41,6 +42,7 @@ pub(crate) struct Watch {
     readings: ReadingCheck,
     motion: MotionCheck,
     drives: DriveCheck,
+    friction: Friction,
     tracking_error: [f64; MAX_JOINTS],
     /// Samples for which joints stay suspect, and for how many more each one is.
     suspect_for: u32,
@@ -74,6 +76,7 @@ impl Watch {
             readings: ReadingCheck::new(&joints, period_s),
             motion: MotionCheck::new(&motion, period_s),
             drives: DriveCheck::new(&joints, period_s, 1e-3 * config.controller.saturation_ms),
+            friction: Friction::of(robot),
             tracking_error,
             suspect_for: (SUSPECT_S / period_s).ceil() as u32,
             suspect: [0; MAX_JOINTS],
@@ -155,7 +158,11 @@ impl Watch {
         let motion = self.motion.motion()?;
         let mut needed = [0.0; MAX_JOINTS];
         law.model_torque(&motion.q[..n], &motion.qd[..n], &motion.qdd[..n], x, &mut needed[..n]);
-        self.motion.answers(&motion, &needed[..n]).map(wrong_of)
+        let found = self.motion.answers(&motion, &needed[..n], &self.friction.coulomb(x)[..n]);
+        for j in 0..n {
+            self.readings.set_breakaway(j, self.motion.breakaway(j));
+        }
+        found.map(wrong_of)
     }
 
     /// Remembers on which joints an encoder was wrong.

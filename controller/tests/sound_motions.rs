@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::rig::{Motion, Recorded, Rig, Wrong};
+use common::rig::{Motion, Recorded, Rig, Swing, Wrong};
 use rivet_config::Robot;
 use rivet_dynamics::Joint;
 use std::io::Write as _;
@@ -82,4 +82,45 @@ fn recorded_motions_are_followed() {
 #[test]
 fn recorded_motions_are_followed_with_wrong_files() {
     follows("practice-wrong-nominal");
+}
+
+/// A step of an encoder of 14 bits \[rad\].
+const STEP: f64 = 4e-4;
+
+/// Gears whose friction takes a good part of the drive's torque, on arms whose file has less of it or none: what a joint at its turning point
+/// holds before it goes back is friction, not an encoder that is frozen.
+#[test]
+fn joints_with_more_friction_than_their_file_has_are_not_stopped() {
+    let mut stopped = Vec::new();
+    for arm in ["manutec-r3", "staubli-tx40", "ur10e"] {
+        for is_known in [true, false] {
+            for factor in [1.5, 2.0, 2.5] {
+                for share in [0.1, 0.4] {
+                    let mut robot = Rig::new(arm, 0.001, "", share).robot;
+                    let coulomb = robot.config.friction.coulomb.clone();
+                    if !is_known {
+                        robot.config.friction.coulomb.fill(0.0);
+                    }
+                    // What a joint yields before it slides is less than a step of this encoder: its readings repeat.
+                    robot.config.drive.encoder_resolution.fill(STEP);
+                    let motion = Motion::Swing(Swing::new(&robot, share));
+                    let limits = robot.config.drive.torque_limit.clone();
+                    let mut rig = Rig::of(robot, motion).differing(|physics| {
+                        for (j, joint) in physics.joints.iter_mut().enumerate() {
+                            // Half of the limit is left for everything else.
+                            joint.dry.coulomb = (factor * coulomb[j]).min(0.4 * limits[j]);
+                            joint.dry.stribeck = [0.25 * joint.dry.coulomb, 0.02];
+                        }
+                    });
+                    let o = rig.run(0.0, Wrong::Nothing, 8.0, |_, _| ());
+                    let known = if is_known { "known" } else { "0 in the file" };
+                    println!("{arm}, friction times {factor}, {known}, {share} of the speed: {:?}", o.stop);
+                    if o.stops > 0 {
+                        stopped.push(format!("{arm} x{factor}, {known}, {share} of the speed: {o:?}"));
+                    }
+                }
+            }
+        }
+    }
+    assert!(stopped.is_empty(), "{stopped:#?}");
 }

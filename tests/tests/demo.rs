@@ -34,10 +34,11 @@ fn traces(pid: u32) -> Vec<String> {
     found
 }
 
+/// Without a word, as the README starts it: that is the demonstration with its documented defaults.
 #[test]
 fn it_improves_and_leaves_nothing_behind() {
     let _alone = WHOLE_RUN.lock().unwrap_or_else(PoisonError::into_inner);
-    let child = rivet().arg("demo").stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it starts");
+    let child = rivet().stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it starts");
     let pid = child.id();
     let output = child.wait_with_output().expect("it ends");
     let text = String::from_utf8_lossy(&output.stdout);

@@ -26,12 +26,12 @@ use tracking::Tracking;
 /// Shows the whole loop and a diagnosis on this machine: no robot, no privileges, about a minute.
 ///
 /// A simulated arm with wrong bodies, wrong friction, a payload and one effect that the robot file lacks, drawn by --seed.
-#[derive(clap::Args, Default)]
+#[derive(clap::Args)]
 pub(crate) struct Args {
     /// Robot file [default: the built-in Manutec r3].
     robot: Option<PathBuf>,
     /// Seed of the true arm and the noise.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = SEED)]
     seed: u64,
     /// Prints tracking joint by joint and every friction, rotor and offset parameter next to the true value.
     #[arg(long)]
@@ -40,6 +40,16 @@ pub(crate) struct Args {
     #[arg(long, value_name = "DIR")]
     keep: Option<PathBuf>,
 }
+
+impl Default for Args {
+    /// As `rivet demo` without a word has them.
+    fn default() -> Args {
+        Args { robot: None, seed: SEED, parameters: false, keep: None }
+    }
+}
+
+/// Without `--seed`.
+const SEED: u64 = 1;
 
 /// Length of the phase on nominal and of the phase on identified parameters \[s of motion\]: one period of the
 /// excitation each, so that both see the same motion.

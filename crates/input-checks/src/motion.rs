@@ -1,7 +1,7 @@
 //! Checks of the motion against its limits, its plan and the torque that was commanded for it.
 
 use crate::window::{MeanMotion, Window};
-use crate::{Fault, Found, JointLimits, LONGEST_REPEAT_S};
+use crate::{Fault, Found, JointLimits, LONGEST_REPEAT_S, breakaway};
 use rivet_dynamics::MAX_JOINTS;
 
 /// Share of a joint's speed limit above which its speed is a fault: plans end at the limit, and following one may overshoot.
@@ -60,6 +60,8 @@ struct Joint {
     /// What the model misses \[N·m\], slowly varying, and the same when the run began.
     model_error: f64,
     error_before: f64,
+    /// Torque beyond what it was in motion that friction may hold at rest \[N·m\]; 0 until it has been compared.
+    breakaway: f64,
     /// Samples in a row that did not answer the torque.
     unanswered: u32,
 }
@@ -175,7 +177,7 @@ impl MotionCheck {
             let plan = planned.map(|planned| (planned.q[j], planned.qd[j]));
             let before = Before {
                 speed: speeds[j],
-                stopping: limits.joint.breakaway / limits.inertia * self.period_s,
+                stopping: joint.breakaway.max(limits.joint.breakaway) / limits.inertia * self.period_s,
                 period_s: self.period_s,
                 half_s: self.window.half_s(),
                 resolution,
@@ -206,10 +208,11 @@ impl MotionCheck {
     /// Compares the torque that the model needs for [`motion`](Self::motion) with the commanded one. `None` where the joints
     /// answer their torque.
     ///
-    /// A joint that is pushed towards its plan by more than can hold it, and repeats its reading all the same, is frozen.
+    /// A joint that is pushed towards its plan by more than can hold it, and repeats its reading all the same, is frozen. What can hold it
+    /// goes by the Coulomb friction `coulomb` \[N·m\] that `needed` has, and by what `needed` missed while the joint moved.
     ///
     /// Real-time safe.
-    pub fn answers(&mut self, motion: &MeanMotion, needed: &[f64]) -> Option<Found> {
+    pub fn answers(&mut self, motion: &MeanMotion, needed: &[f64], coulomb: &[f64]) -> Option<Found> {
         let (mut joints, mut frozen) = (0, 0);
         let whole = self.window.samples();
         let share = (self.period_s / MODEL_ERROR_S).min(1.0);
@@ -218,9 +221,12 @@ impl MotionCheck {
             let noise = NOISE_STEPS * limits.joint.resolution / self.window.half_s().powi(2) * limits.inertia;
             let most = RESPONSE_SHARE * limits.joint.torque + noise;
             let missed = needed[j] - motion.tau[j];
+            // Friction in motion was at most this.
+            let friction = coulomb[j].abs() + joint.error_before.abs();
+            joint.breakaway = limits.joint.breakaway.max(breakaway(friction, limits.joint.torque));
             // A load that the model does not know was missed in motion as well.
             let pushed = (joint.error_before - missed) * joint.ahead.signum();
-            let is_held = joint.ahead == 0.0 || joint.same < whole || pushed <= limits.joint.breakaway + noise;
+            let is_held = joint.ahead == 0.0 || joint.same < whole || pushed <= joint.breakaway + noise;
             frozen |= if is_held { 0 } else { 1 << j };
             if !self.compared {
                 joint.model_error = missed;
@@ -237,6 +243,11 @@ impl MotionCheck {
         self.compared = true;
         let found = |fault, joints| (joints != 0).then_some(Found { fault, joints });
         found(Fault::Frozen, frozen).or_else(|| found(Fault::NoResponse, joints))
+    }
+
+    /// [`JointLimits::breakaway`] of joint `j` by the friction that it had when it moved, never below that of the robot file.
+    pub fn breakaway(&self, j: usize) -> f64 {
+        self.joints[j].breakaway.max(self.limits[j].joint.breakaway)
     }
 
     /// Joints, bit 0 the base's, that did not answer their torque when [`answers`](Self::answers) last compared it, or of which that is not known.
@@ -406,7 +417,7 @@ mod tests {
                         break;
                     }
                     if let Some(motion) = check.motion() {
-                        found |= check.answers(&motion, &[0.1 * motion.qdd[0]]).is_some();
+                        found |= check.answers(&motion, &[0.1 * motion.qdd[0]], &[0.0]).is_some();
                     }
                     let qdd = (command - load) / 0.1;
                     q += qd * period_s + 0.5 * qdd * period_s * period_s;

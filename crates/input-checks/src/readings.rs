@@ -104,6 +104,13 @@ impl ReadingCheck {
         self.limits = other.limits;
     }
 
+    /// Sets [`JointLimits::breakaway`] of joint `j`, where more is known of its friction than the robot file has.
+    ///
+    /// Real-time safe.
+    pub fn set_breakaway(&mut self, j: usize, torque: f64) {
+        self.limits[j].joint.breakaway = torque;
+    }
+
     /// Forgets the past of every joint but its noise.
     pub fn restart(&mut self) {
         for joint in &mut self.joints {
