@@ -54,6 +54,8 @@ pub enum ArmState {
     LinkSide,
     /// Torque computed by a model of the links.
     Computed,
+    /// What a driver holds for external: the measured torque less that of its own model of the arm.
+    External,
     /// Bodies of another arm.
     OtherArm,
     /// A unit in the URDF.
@@ -70,6 +72,7 @@ impl ArmState {
             (ArmState::Drift, p::DRIFT),
             (ArmState::LinkSide, p::LINK_SIDE),
             (ArmState::Computed, p::COMPUTED),
+            (ArmState::External, p::EXTERNAL),
             (ArmState::OtherArm, p::OTHER_ARM),
         ];
         states.extend((0..joints).map(|j| (ArmState::Counterbalance(j), p::COUNTERBALANCE / joints as f64)));
@@ -81,7 +84,14 @@ impl ArmState {
 
     /// Those that are compared beside a fault of the log; the others are rare twice over.
     pub(crate) fn beside_faults() -> Vec<(ArmState, f64)> {
-        let kept = [ArmState::Nominal, ArmState::Rough, ArmState::Payload, ArmState::Offsets, ArmState::LinkSide];
+        let kept = [
+            ArmState::Nominal,
+            ArmState::Rough,
+            ArmState::Payload,
+            ArmState::Offsets,
+            ArmState::LinkSide,
+            ArmState::OtherArm,
+        ];
         ArmState::all(0).into_iter().filter(|(state, _)| kept.contains(state)).collect()
     }
 
@@ -89,7 +99,12 @@ impl ArmState {
     pub fn is_sound(self) -> bool {
         !matches!(
             self,
-            ArmState::Drift | ArmState::LinkSide | ArmState::Computed | ArmState::OtherArm | ArmState::FileUnit(_)
+            ArmState::Drift
+                | ArmState::LinkSide
+                | ArmState::Computed
+                | ArmState::External
+                | ArmState::OtherArm
+                | ArmState::FileUnit(_)
         )
     }
 }
@@ -151,6 +166,10 @@ impl ValuePrior {
             let place = body * LINK_PARAMETERS..(body + 1) * LINK_PARAMETERS;
             spread[place.clone()].copy_from_slice(&body_spread(&mean[place], bodies));
         }
+        if state == ArmState::External {
+            // What the driver's model misses of each body.
+            mean[..joints * LINK_PARAMETERS].fill(0.0);
+        }
         // Bodies that the URDF does not have are a guess of known width.
         for (spread, unknown) in spread.iter_mut().zip(file.model.unknown_bodies()) {
             *spread = spread.max(*unknown);
@@ -185,6 +204,10 @@ impl ValuePrior {
                 Parameter::Offset(_) => value.max(offset_spread(state, limit[j])),
                 Parameter::Link { .. } => spread[place],
             };
+            if state == ArmState::External {
+                // What is missed may have either sign.
+                (mean[place], positive[place]) = (0.0, false);
+            }
             let drive = !matches!(parameter, Parameter::Offset(_));
             if behind_gear && drive {
                 spread[place] =

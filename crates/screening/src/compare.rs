@@ -82,6 +82,7 @@ impl Reading {
             (None, ArmState::Drift) => "friction_drifts",
             (None, ArmState::LinkSide) => "link_side_sensor",
             (None, ArmState::Computed) => "torque_computed",
+            (None, ArmState::External) => "external_torque",
             (None, ArmState::OtherArm) => "another_arm",
             (None, ArmState::FileUnit(_)) => "file_unit",
         }
@@ -145,6 +146,10 @@ fn state_words(state: ArmState, names: &[String]) -> [String; 2] {
         ArmState::LinkSide => [
             "torque measured behind the gears (friction and rotor inertia about 0)",
             "set friction and rotor_inertia of robot.toml to 0, or log the motor torque",
+        ],
+        ArmState::External => [
+            "external torque: the measured one less that of the driver's model",
+            "log the measured joint torque or current",
         ],
         ArmState::Computed => ["torque computed by a model, not measured", "log the measured torque or current"],
         ArmState::OtherArm => {
@@ -249,11 +254,10 @@ impl Comparison<'_> {
             };
             let before = best(pool)?.log;
             let list = self.list(sums, &faults);
-            let more = if count == 0 { 0.0 } else { p::FURTHER_FAULT.ln() };
             let found: Vec<(Vec<Weighed>, f64)> = list
                 .par_iter()
                 .map(|(fault, probability)| {
-                    let log_prior = log_prior + probability.ln() + more;
+                    let log_prior = log_prior + probability.ln();
                     (self.with_fault((&base, design, sums), &faults, fault, [log_prior, before]), log_prior)
                 })
                 .collect();
@@ -313,8 +317,9 @@ impl Comparison<'_> {
         let all: Vec<Fault> = faults.iter().chain([fault]).cloned().collect();
         let of = |design: &Design| {
             let sums = self.sums(design, &view, Some((like, base)));
-            let (widest, others): (Vec<_>, Vec<_>) =
-                ArmState::beside_faults().into_iter().partition(|(state, _)| *state == ArmState::Rough);
+            let (widest, others): (Vec<_>, Vec<_>) = ArmState::beside_faults()
+                .into_iter()
+                .partition(|(state, _)| matches!(state, ArmState::Rough | ArmState::OtherArm));
             let mut found = self.states(design, &sums, &widest, (&all, log_prior));
             if best(&found).is_some_and(|w| w.log > before - p::FAR_BEHIND) {
                 found.extend(self.states(design, &sums, &others, (&all, log_prior)));

@@ -86,6 +86,8 @@ pub const DRIFT: f64 = 0.03;
 pub const LINK_SIDE: f64 = 0.01;
 /// A torque that was computed by a model of the links.
 pub const COMPUTED: f64 = 0.003;
+/// A torque that a driver holds for external, published in the place of the measured one.
+pub const EXTERNAL: f64 = 0.003;
 /// The file of another arm, of the same kinematics.
 pub const OTHER_ARM: f64 = 0.001;
 /// A unit in the URDF (g, mm, g mm²), each.
@@ -134,8 +136,6 @@ pub const BEYOND_LIMIT: f64 = 0.01;
 /// What a drive gives at most, as a share of the file's limit, each less by a seventh: supplies and settings take it down to a quarter.
 pub const LIMITS_OVER_FILE: [f64; 10] = [1.0, 0.86, 0.74, 0.64, 0.55, 0.47, 0.41, 0.35, 0.3, 0.26];
 
-/// A second fault beside a first one is less rare than the first: who mistook one convention mistakes two.
-pub const FURTHER_FAULT: f64 = 10.0;
 /// Faults of one log, at most.
 pub const MAX_FAULTS: usize = 4;
 
