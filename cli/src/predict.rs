@@ -18,8 +18,8 @@ pub(crate) struct Args {
     model: PathBuf,
     /// Log with positions (docs/logs.md); torque is needed only to print errors.
     log: PathBuf,
-    /// File for the columns t and tau_pred1..N, one row per row of the log (Parquet).
-    #[arg(long, value_name = "PRED.parquet")]
+    /// File for the columns t and tau_pred1..N, one row per row of the log: Parquet or CSV, by its ending.
+    #[arg(long, value_name = "PRED.parquet|csv")]
     out: PathBuf,
     #[command(flatten)]
     map: MapArgs,
@@ -29,6 +29,7 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let robot = args.map.apply(rivet_config::load(&args.model)?)?;
     Outputs::for_logs(&robot, &args.model, [&args.log]).file("--out", Some(&args.out)).check()?;
+    rivet_logs::check_table_ending(&args.out)?;
     let prediction = predict(&robot, &args.log)?;
     prediction.write(&args.out)?;
     show(&prediction.text())?;

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use rivet_config::Robot;
 use rivet_diagnosis::{Run, memory_torque, unseen};
 use rivet_estimation::offline::{Smoothing, Trajectory, ZeroPhase, position_noise, position_step, predict_smoothed};
-use rivet_logs::{Log, interpolate, write_columns};
+use rivet_logs::{Log, interpolate, write_table};
 
 use crate::coarse::coarse;
 use crate::evidence::Distrust;
@@ -124,15 +124,15 @@ impl Prediction {
         Some(self.sums.as_ref()?.iter().map(|sums| [percent(sums.raw), percent(sums.filtered)]).collect())
     }
 
-    /// Writes the columns t and tau_pred1..N as Parquet.
+    /// Writes the columns t and tau_pred1..N as Parquet or CSV, by the ending of the name.
     ///
     /// # Errors
-    /// The file cannot be written.
+    /// The name has another ending, or the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         let names: Vec<String> = (1..=self.tau.len()).map(|j| format!("tau_pred{j}")).collect();
         let mut columns: Vec<(&str, &[f64])> = vec![("t", &self.t)];
         columns.extend(names.iter().map(String::as_str).zip(self.tau.iter().map(Vec::as_slice)));
-        Ok(write_columns(path, &columns)?)
+        Ok(write_table(path, &columns)?)
     }
 
     /// The report as text.

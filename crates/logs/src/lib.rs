@@ -85,4 +85,4 @@ pub use resample::{Gap, Method, ResampleReport};
 pub use signal::interpolate;
 pub use stairs::Stairs;
 pub use survey::{channels_by_name, clocks, numbered_joints, recorded_joints};
-pub use writers::{check_ending, write_log};
+pub use writers::{check_ending, check_table_ending, write_log, write_table};

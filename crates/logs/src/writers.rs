@@ -17,7 +17,7 @@ use crate::joint_state::{DEFINITION, TYPES, encode};
 use crate::listing::CONVENTIONS;
 use crate::log::{Log, Signals};
 use crate::npy::Header;
-use crate::parquet_file::write_model_columns;
+use crate::parquet_file::{write_columns, write_model_columns};
 
 /// A format that can be written.
 struct Writer {
@@ -56,8 +56,12 @@ pub fn check_ending(path: &Path) -> Result<(), LogError> {
     writer(path).map(|_| ())
 }
 
+fn ending(path: &Path) -> String {
+    path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default()
+}
+
 fn writer(path: &Path) -> Result<&'static Writer, LogError> {
-    let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let ending = ending(path);
     WRITERS.iter().find(|writer| writer.extension == ending).ok_or_else(|| {
         let known = WRITERS.iter().map(|writer| format!(".{}", writer.extension)).collect::<Vec<_>>().join(", ");
         LogFault::UnknownEnding { known }.at(path)
@@ -110,13 +114,20 @@ fn write_parquet(path: &Path, log: &Log, _joints: &[String]) -> Result<(), LogEr
 }
 
 fn write_csv(path: &Path, log: &Log, _joints: &[String]) -> Result<(), LogError> {
-    let columns = log.columns();
+    csv(path, &log.columns(), Some(CONVENTIONS_OF_THE_MODEL))
+}
+
+/// Columns as text, after a line that states their conventions.
+fn csv<N: AsRef<str>>(path: &Path, columns: &[(N, &[f64])], conventions: Option<&str>) -> Result<(), LogError> {
+    let rows = columns.iter().map(|(_, values)| values.len()).max().unwrap_or(0);
     let write = |file: &mut File| -> std::io::Result<()> {
         let mut out = BufWriter::new(file);
-        writeln!(out, "# rivet: {CONVENTIONS_OF_THE_MODEL}")?;
+        if let Some(conventions) = conventions {
+            writeln!(out, "# rivet: {conventions}")?;
+        }
         let names: Vec<&str> = columns.iter().map(|(name, _)| name.as_ref()).collect();
         writeln!(out, "{}", names.join(","))?;
-        for row in 0..log.len() {
+        for row in 0..rows {
             for (k, (_, values)) in columns.iter().enumerate() {
                 // The shortest text that reads back as the same number.
                 write!(out, "{}{}", if k > 0 { "," } else { "" }, values[row])?;
@@ -126,6 +137,31 @@ fn write_csv(path: &Path, log: &Log, _joints: &[String]) -> Result<(), LogError>
         out.flush()
     };
     rivet_files::fill_whole(path, write).map_err(|why| LogFault::Io(why).at(path))
+}
+
+/// Formats of a table of numbers, by the ending of the file's name; the first one without an ending.
+const TABLES: [&str; 2] = ["parquet", "csv"];
+
+/// That [`write_table`] knows the format of a name.
+///
+/// # Errors
+/// The ending is that of no table.
+pub fn check_table_ending(path: &Path) -> Result<(), LogError> {
+    // A device or a pipe has no ending.
+    let ending = ending(path);
+    if ending.is_empty() || TABLES.contains(&ending.as_str()) {
+        return Ok(());
+    }
+    Err(LogFault::UnknownEnding { known: TABLES.map(|known| format!(".{known}")).join(", ") }.at(path))
+}
+
+/// Writes columns of equal length as Parquet or text; the ending of the name decides. The file appears complete, or not at all.
+///
+/// # Errors
+/// The ending is that of no table, or the file cannot be written.
+pub fn write_table<N: AsRef<str>>(path: &Path, columns: &[(N, &[f64])]) -> Result<(), LogError> {
+    check_table_ending(path)?;
+    if ending(path) == "csv" { csv(path, columns, None) } else { write_columns(path, columns) }
 }
 
 /// Signals of a log by the prefix of their names; a joint without one has NaN.

@@ -136,3 +136,22 @@ fn every_measured_run_survives_each_format() {
     }
     assert!(found >= 5, "{found} measured sets");
 }
+
+/// The ending of a table's name decides its format; one of another format is refused before anything is written.
+#[test]
+fn tables_are_written_in_the_format_of_their_name() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (t, x) = ([0.0, 0.5, 1.0], [0.1, f64::MIN_POSITIVE, -1.0 / 3.0]);
+    for name in ["table.csv", "table.CSV", "table.parquet", "table"] {
+        let path = folder.path().join(name);
+        rivet_logs::write_table(&path, &[("t", &t[..]), ("tau_pred1", &x[..])]).expect("written");
+        let read = rivet_logs::read_columns(&path, &["t", "tau_pred1"]).expect("read");
+        assert_eq!(read, [t.to_vec(), x.to_vec()], "{name}");
+        let is_text = std::fs::read(&path).expect("bytes").starts_with(b"t,tau_pred1\n");
+        assert_eq!(is_text, name.to_lowercase().ends_with("csv"), "{name}");
+    }
+    let path = folder.path().join("table.mat");
+    let why = rivet_logs::write_table(&path, &[("t", &t[..])]).expect_err("no table").to_string();
+    assert!(why.contains(".parquet, .csv"), "{why}");
+    assert!(!path.exists());
+}
