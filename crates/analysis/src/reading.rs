@@ -144,7 +144,9 @@ fn text(robot: &Robot, found: &Screening, reading: &Reading) -> String {
         percent(&reading.residual),
         percent(if reading.faults.is_empty() { &found.as_given } else { &found.residual })
     );
-    let others: Vec<&Reading> = found.readings.iter().filter(|r| *r != reading).collect();
+    // Residuals of joints that say nothing are no numbers, and equal to none.
+    let is_other = |r: &&Reading| r.faults != reading.faults || r.state != reading.state;
+    let others: Vec<&Reading> = found.readings.iter().filter(is_other).collect();
     if let Some(next) = others.first() {
         let listed: Vec<String> = others.iter().map(|r| format!("{} ({:.2})", r.text(&names), r.probability)).collect();
         let _ = write!(text, ". Alternatives: {}; to decide, {}", listed.join(", "), reading.decided_by(next));
@@ -158,7 +160,7 @@ fn spoils(reading: &Reading) -> bool {
         |fault: &Fault| !matches!(fault, TorqueSign(Of::Joint(_)) | TorqueScale(..) | Mounting(_) | BeyondLimit(..));
     match reading.state {
         _ if !reading.faults.is_empty() => reading.faults.iter().any(of_all),
-        state => matches!(state, ArmState::FileUnit(_) | ArmState::Computed | ArmState::External),
+        state => matches!(state, ArmState::FileUnit(_) | ArmState::Computed),
     }
 }
 

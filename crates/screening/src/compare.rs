@@ -38,14 +38,15 @@ pub struct Screening {
 
 impl Screening {
     /// The reading to report: other than the log as it is, probable, and explaining clearly more. Bodies of another arm are not
-    /// reported as a reading: they are not distinguishable from very rough values of the file, with which the log is usable.
+    /// reported as a reading: they are not distinguishable from very rough values of the file, with which the log is usable. An external torque
+    /// is not either: a torque that was computed for one joint at a time looks like it.
     #[must_use]
     pub fn finding(&self) -> Option<&Reading> {
         let best = self.readings.first()?;
         let is_usable = |r: &Reading| {
             // What a limit cuts off is an effect of the drive, of which a diagnosis says how large it is.
             let none = r.faults.iter().all(|fault| matches!(fault, Fault::BeyondLimit(..)));
-            none && (r.state.is_sound() || r.state == ArmState::OtherArm)
+            none && (r.state.is_sound() || matches!(r.state, ArmState::OtherArm | ArmState::External))
         };
         let unsound: f64 = self.readings.iter().filter(|r| !is_usable(r)).map(|r| r.probability).sum();
         // Another state of the arm shows in its values, which any prior that is wide enough would follow.
