@@ -200,7 +200,7 @@ pub fn meaning(robot: &Robot, recording: &Path) -> Result<Option<(&'static str, 
     let log = log.by_its_positions().without_crowds();
     let Some(found) = reading::compare(robot, &log) else { return Ok(None) };
     let best = most_probable(&found, |reading| {
-        // Of the states of the arm some say what the torque is; the others are of the file.
+        // Of the states of the arm two say what the torque is; the others are of the file.
         let state = if is_of_torque(reading) { reading.state } else { ArmState::Nominal };
         Reading { state, probability: 0.0, residual: Vec::new(), ..reading.clone() }
     });
@@ -214,7 +214,7 @@ pub fn meaning(robot: &Robot, recording: &Path) -> Result<Option<(&'static str, 
 
 /// Whether the state of the arm says what the torque is.
 fn is_of_torque(reading: &Reading) -> bool {
-    matches!(reading.state, ArmState::Computed | ArmState::External | ArmState::LinkSide)
+    matches!(reading.state, ArmState::Computed | ArmState::LinkSide)
 }
 
 /// The most probable of what `part` makes of the readings, with the sum of the probabilities of all readings that share it.
@@ -240,7 +240,7 @@ fn is_of_positions(fault: &LogReading) -> bool {
 fn of_channel(found: &Screening, channel: &'static str, of_q: bool, names: &[String]) -> ChannelReading {
     let part = |reading: &Reading| -> String {
         let faults: Vec<LogReading> = reading.faults.iter().filter(|f| is_of_positions(f) == of_q).cloned().collect();
-        // Of the states of the arm some say what the torque is; the others are of the file.
+        // Of the states of the arm two say what the torque is; the others are of the file.
         let is_of_torque = !of_q && is_of_torque(reading);
         if faults.is_empty() && !is_of_torque {
             return "as recorded".to_owned();

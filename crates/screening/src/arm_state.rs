@@ -54,8 +54,6 @@ pub enum ArmState {
     LinkSide,
     /// Torque computed by a model of the links.
     Computed,
-    /// What a driver holds for external: the measured torque less that of its own model of the arm.
-    External,
     /// Bodies of another arm.
     OtherArm,
     /// A unit in the URDF.
@@ -72,7 +70,6 @@ impl ArmState {
             (ArmState::Drift, p::DRIFT),
             (ArmState::LinkSide, p::LINK_SIDE),
             (ArmState::Computed, p::COMPUTED),
-            (ArmState::External, p::EXTERNAL),
             (ArmState::OtherArm, p::OTHER_ARM),
         ];
         states.extend((0..joints).map(|j| (ArmState::Counterbalance(j), p::COUNTERBALANCE / joints as f64)));
@@ -99,12 +96,7 @@ impl ArmState {
     pub fn is_sound(self) -> bool {
         !matches!(
             self,
-            ArmState::Drift
-                | ArmState::LinkSide
-                | ArmState::Computed
-                | ArmState::External
-                | ArmState::OtherArm
-                | ArmState::FileUnit(_)
+            ArmState::Drift | ArmState::LinkSide | ArmState::Computed | ArmState::OtherArm | ArmState::FileUnit(_)
         )
     }
 }
@@ -166,10 +158,6 @@ impl ValuePrior {
             let place = body * LINK_PARAMETERS..(body + 1) * LINK_PARAMETERS;
             spread[place.clone()].copy_from_slice(&body_spread(&mean[place], bodies));
         }
-        if state == ArmState::External {
-            // What the driver's model misses of each body.
-            mean[..joints * LINK_PARAMETERS].fill(0.0);
-        }
         // Bodies that the URDF does not have are a guess of known width.
         for (spread, unknown) in spread.iter_mut().zip(file.model.unknown_bodies()) {
             *spread = spread.max(*unknown);
@@ -204,10 +192,6 @@ impl ValuePrior {
                 Parameter::Offset(_) => value.max(offset_spread(state, limit[j])),
                 Parameter::Link { .. } => spread[place],
             };
-            if state == ArmState::External {
-                // What is missed may have either sign.
-                (mean[place], positive[place]) = (0.0, false);
-            }
             let drive = !matches!(parameter, Parameter::Offset(_));
             if behind_gear && drive {
                 spread[place] =

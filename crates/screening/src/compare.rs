@@ -38,15 +38,14 @@ pub struct Screening {
 
 impl Screening {
     /// The reading to report: other than the log as it is, probable, and explaining clearly more. Bodies of another arm are not
-    /// reported as a reading: they are not distinguishable from very rough values of the file, with which the log is usable. An external torque
-    /// is not either: a torque that was computed for one joint at a time looks like it.
+    /// reported as a reading: they are not distinguishable from very rough values of the file, with which the log is usable.
     #[must_use]
     pub fn finding(&self) -> Option<&Reading> {
         let best = self.readings.first()?;
         let is_usable = |r: &Reading| {
             // What a limit cuts off is an effect of the drive, of which a diagnosis says how large it is.
             let none = r.faults.iter().all(|fault| matches!(fault, Fault::BeyondLimit(..)));
-            none && (r.state.is_sound() || matches!(r.state, ArmState::OtherArm | ArmState::External))
+            none && (r.state.is_sound() || r.state == ArmState::OtherArm)
         };
         let unsound: f64 = self.readings.iter().filter(|r| !is_usable(r)).map(|r| r.probability).sum();
         // Another state of the arm shows in its values, which any prior that is wide enough would follow.
@@ -83,7 +82,6 @@ impl Reading {
             (None, ArmState::Drift) => "friction_drifts",
             (None, ArmState::LinkSide) => "link_side_sensor",
             (None, ArmState::Computed) => "torque_computed",
-            (None, ArmState::External) => "external_torque",
             (None, ArmState::OtherArm) => "another_arm",
             (None, ArmState::FileUnit(_)) => "file_unit",
         }
@@ -147,10 +145,6 @@ fn state_words(state: ArmState, names: &[String]) -> [String; 2] {
         ArmState::LinkSide => [
             "torque measured behind the gears (friction and rotor inertia about 0)",
             "set friction and rotor_inertia of robot.toml to 0, or log the motor torque",
-        ],
-        ArmState::External => [
-            "external torque: the measured one less that of the driver's model",
-            "log the measured joint torque or current",
         ],
         ArmState::Computed => ["torque computed by a model, not measured", "log the measured torque or current"],
         ArmState::OtherArm => {

@@ -86,8 +86,6 @@ pub const DRIFT: f64 = 0.03;
 pub const LINK_SIDE: f64 = 0.01;
 /// A torque that was computed by a model of the links.
 pub const COMPUTED: f64 = 0.003;
-/// A torque that a driver holds for external, published in the place of the measured one.
-pub const EXTERNAL: f64 = 0.003;
 /// The file of another arm, of the same kinematics.
 pub const OTHER_ARM: f64 = 0.001;
 /// A unit in the URDF (g, mm, g mm²), each.

@@ -419,21 +419,6 @@ fn names_what_the_arm_is_like() {
     }
 }
 
-/// The measured torque less that of the driver's model, whose values are a few per cent off.
-#[test]
-fn names_a_torque_that_a_driver_holds_for_external() {
-    for seed in 0..6 {
-        let mut random = Random(520 + seed);
-        let robot = Robot::any(&mut random);
-        let x = robot.off(&mut random);
-        let missed: Vec<f64> = x.iter().zip(&robot.nominal).map(|(x, nominal)| x - nominal).collect();
-        let log = Log::new(&robot, &missed, &mut random);
-        let found = robot.screen(&log).expect("motion");
-        assert_eq!(found.readings[0].name(), "external_torque", "{seed}: {:?}", words(&found));
-        assert!(found.readings[0].probability > 0.9, "{seed}: {:?}", words(&found));
-    }
-}
-
 /// A controller's integrators wind up while the drive gives its limit: the log's torque is many times what acts.
 #[test]
 fn commands_beyond_the_limit_are_no_other_unit() {
