@@ -92,7 +92,7 @@ const STEP: f64 = 4e-4;
 #[test]
 fn joints_with_more_friction_than_their_file_has_are_not_stopped() {
     let mut stopped = Vec::new();
-    for arm in ["manutec-r3", "staubli-tx40", "ur10e"] {
+    for arm in ["manutec-r3", "staubli-tx40", "ur10e", "dd2"] {
         for is_known in [true, false] {
             for factor in [1.5, 2.0, 2.5] {
                 for share in [0.1, 0.4] {

@@ -63,15 +63,15 @@ pub struct JointLimits {
     pub breakaway: f64,
 }
 
-/// Torque that friction may hold at rest beyond what it was in motion, in parts of the robot file's Coulomb friction: a joint that turns
-/// round holds the kinetic and the static level, 1 and up to 1.3, of friction that differs by half from the file's.
+/// Torque that friction may hold at rest beyond what it was in motion, in parts of the Coulomb friction that is known: a joint that turns
+/// round holds the kinetic and the static level, 1 and up to 1.3, of friction that differs by half from what is known.
 const BREAKAWAY_TIMES: f64 = 3.0;
 /// The same where the robot file has no friction, as a share of the torque limit.
 const UNKNOWN_BREAKAWAY_SHARE: f64 = 0.15;
 /// What else the model may miss, as a share of the torque limit.
 const UNKNOWN_SHARE: f64 = 0.05;
 
-/// [`JointLimits::breakaway`] of a joint with Coulomb friction `coulomb`, 0 where the robot file has none, and torque limit `torque`.
+/// [`JointLimits::breakaway`] of a joint with Coulomb friction `coulomb`, 0 where it is not known, and torque limit `torque`.
 pub fn breakaway(coulomb: f64, torque: f64) -> f64 {
     let friction = if coulomb > 0.0 { BREAKAWAY_TIMES * coulomb } else { UNKNOWN_BREAKAWAY_SHARE * torque };
     friction + UNKNOWN_SHARE * torque
