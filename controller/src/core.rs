@@ -3,7 +3,7 @@
 use crate::gate::{Gate, Newest, Refusal};
 use crate::governor::Governor;
 use crate::history::{History, Moment};
-use crate::law::{ControlLaw, Desired, Gains};
+use crate::law::{ControlLaw, Desired, Gains, is_friction};
 use crate::limits::SetpointLimits;
 use crate::output::{Limits, Output};
 use crate::plan::{PlanCheck, RefusedPlan};
@@ -13,7 +13,7 @@ use crate::stop::{FEEDBACK, Stop, Stopping};
 use crate::velocity::VelocityFilter;
 use crate::watch::{Watch, Wrong};
 use rivet_config::Robot;
-use rivet_dynamics::{EffectKind, MAX_JOINTS, Parameter};
+use rivet_dynamics::{EffectKind, MAX_JOINTS};
 use rivet_estimation::SettingsError;
 use rivet_ipc_schema::{
     Command, CommandMode, ControllerHealth, ControllerState, JointState, MAX_PARAMETERS, OldNumbers, ParameterSource,
@@ -181,15 +181,7 @@ fn torque_limits(robot: &Robot) -> Vec<f64> {
 fn friction_places(robot: &Robot) -> [bool; MAX_PARAMETERS] {
     let mut places = [false; MAX_PARAMETERS];
     for (place, column) in places.iter_mut().zip(&robot.base.independent) {
-        *place = matches!(
-            robot.model.parameters[*column],
-            Parameter::Viscous(_)
-                | Parameter::Coulomb(_)
-                | Parameter::LoadFriction(_)
-                | Parameter::ViscousQuadratic(_)
-                | Parameter::CouplingViscous
-                | Parameter::CouplingCoulomb
-        );
+        *place = is_friction(robot.model.parameters[*column]);
     }
     places
 }
@@ -584,7 +576,8 @@ impl Core {
         for j in 0..n {
             self.tracking[j] += memory * ((desired.q[j] - sample.q[j]).powi(2) - self.tracking[j]);
         }
-        let command = self.give(sample.seq, sample.stamp_ns, tau, true);
+        let friction = *self.law.friction();
+        let command = self.give(sample.seq, sample.stamp_ns, tau, Some(&friction));
         self.history.push(&Moment { q: sample.q, qd: *qd, tau: command.tau });
         command
     }
@@ -762,10 +755,17 @@ impl Core {
         }
     }
 
-    fn give(&mut self, seq: u64, stamp_ns: u64, mut tau: [f64; MAX_JOINTS], integrate: bool) -> Command {
+    /// `friction` is that in the torque of the law \[N·m\]; none where it is a torque of the stop reaction.
+    fn give(
+        &mut self,
+        seq: u64,
+        stamp_ns: u64,
+        mut tau: [f64; MAX_JOINTS],
+        friction: Option<&[f64; MAX_JOINTS]>,
+    ) -> Command {
         let n = self.dof;
-        let applied = self.output.apply(&mut tau[..n]);
-        if integrate {
+        let applied = self.output.apply(&mut tau[..n], friction.unwrap_or(&[0.0; MAX_JOINTS]));
+        if friction.is_some() {
             self.law.integrate(&applied.limited[..n]);
             self.governor.hedge(&applied.lacking);
         }

@@ -11,7 +11,7 @@
 //!                                     η = M⁻¹·l                       l: what the rate limit took from the last command
 //! ```
 //!
-//! `τ(r)` is without friction: friction turns round with the arm, not with the reference.
+//! `τ(r)` is without friction, that of known effects included: friction turns round with the arm, not with the reference.
 
 use crate::inertia::accelerations_by;
 use crate::law::{ControlLaw, Desired};
@@ -105,7 +105,7 @@ impl Governor {
             desired.qdd[j] += *a;
         }
         let mut needed = [0.0; MAX_JOINTS];
-        law.model_torque(&desired.q[..n], &desired.qd[..n], &desired.qdd[..n], x, &mut needed[..n]);
+        law.model_torque_without_friction(&desired.q[..n], &desired.qd[..n], &desired.qdd[..n], x, &mut needed[..n]);
         let mut given = self.given.unwrap_or(needed);
         let mut lacking = [0.0; MAX_JOINTS];
         for j in 0..n {

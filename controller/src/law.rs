@@ -2,7 +2,7 @@
 
 use crate::limits::middle;
 use rivet_config::Law;
-use rivet_dynamics::{BaseSet, MAX_JOINTS, Model, Workspace};
+use rivet_dynamics::{BaseSet, MAX_JOINTS, Model, Parameter, Workspace};
 use std::sync::Arc;
 
 pub use crate::desired::Desired;
@@ -56,6 +56,23 @@ pub struct ControlLaw {
     integral: [f64; MAX_JOINTS],
     /// Error that the integral would take in, once the output has said that it was not at a limit.
     pending: [f64; MAX_JOINTS],
+    /// Places of the base parameters that are friction.
+    friction_places: Vec<usize>,
+    /// Friction in the last torque \[N·m\].
+    friction: [f64; MAX_JOINTS],
+}
+
+/// Whether a parameter is one of friction.
+pub(crate) fn is_friction(parameter: Parameter) -> bool {
+    matches!(
+        parameter,
+        Parameter::Viscous(_)
+            | Parameter::Coulomb(_)
+            | Parameter::LoadFriction(_)
+            | Parameter::ViscousQuadratic(_)
+            | Parameter::CouplingViscous
+            | Parameter::CouplingCoulomb
+    )
 }
 
 /// The integral is bounded to the acceleration that an error of this size makes \[rad\].
@@ -72,6 +89,7 @@ impl ControlLaw {
         period_s: f64,
     ) -> ControlLaw {
         let dof = model.arm.dof();
+        let friction_places = (0..base.len()).filter(|i| is_friction(base.parameter(&model, *i))).collect();
         let mut law = ControlLaw {
             kind,
             workspace: Workspace::new(&model.arm),
@@ -80,6 +98,8 @@ impl ControlLaw {
             inertia: [0.0; MAX_JOINTS],
             integral: [0.0; MAX_JOINTS],
             pending: [0.0; MAX_JOINTS],
+            friction_places,
+            friction: [0.0; MAX_JOINTS],
             model,
             base,
             gains,
@@ -114,13 +134,35 @@ impl ControlLaw {
                     v[j] += a[j];
                 }
                 self.model_torque(q, &desired.qd[..dof], &v[..dof], x, tau);
+                self.keep_friction(q, &desired.qd[..dof], &v[..dof], x);
             }
             Law::FeedForwardPd => {
                 self.model_torque(&desired.q[..dof], &desired.qd[..dof], &desired.qdd[..dof], x, tau);
+                self.keep_friction(&desired.q[..dof], &desired.qd[..dof], &desired.qdd[..dof], x);
                 for j in 0..dof {
                     tau[j] += self.inertia[j] * a[j];
                 }
             }
+        }
+    }
+
+    /// Friction in the last [`torque`](Self::torque), that of known effects included \[N·m\].
+    pub(crate) fn friction(&self) -> &[f64; MAX_JOINTS] {
+        &self.friction
+    }
+
+    /// Keeps the part of friction of the model torque that was computed last, which was that of this motion.
+    fn keep_friction(&mut self, q: &[f64], qd: &[f64], qdd: &[f64], x: &[f64]) {
+        let dof = self.model.arm.dof();
+        self.friction = [0.0; MAX_JOINTS];
+        if !self.model.effects().is_empty() {
+            let mut rest = [0.0; MAX_JOINTS];
+            self.model.add_effects(&mut self.workspace, q, qd, qdd, &mut self.friction[..dof]);
+            self.model.add_effects_without_friction(&mut self.workspace, q, qd, qdd, &mut rest[..dof]);
+            self.friction.iter_mut().zip(rest).for_each(|(friction, rest)| *friction -= rest);
+        }
+        for (row, friction) in self.rows.chunks_exact(self.base.len()).zip(&mut self.friction) {
+            *friction += self.friction_places.iter().map(|i| row[*i] * x[*i]).sum::<f64>();
         }
     }
 
@@ -147,6 +189,21 @@ impl ControlLaw {
             *out = row.iter().zip(x).map(|(y, x)| y * x).sum();
         }
         self.model.add_effects(&mut self.workspace, q, qd, qdd, tau);
+    }
+
+    /// The same without friction, for base parameters `x` whose friction is 0. Real-time safe.
+    pub(crate) fn model_torque_without_friction(
+        &mut self,
+        q: &[f64],
+        qd: &[f64],
+        qdd: &[f64],
+        x: &[f64],
+        tau: &mut [f64],
+    ) {
+        for (row, out) in self.regressor(q, qd, qdd).zip(tau.iter_mut()) {
+            *out = row.iter().zip(x).map(|(y, x)| y * x).sum();
+        }
+        self.model.add_effects_without_friction(&mut self.workspace, q, qd, qdd, tau);
     }
 
     /// M(q), row-major, of base parameters `x`: column j is `Y(q, 0, e_j)·x − Y(q, 0, 0)·x`. Real-time safe.

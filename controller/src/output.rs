@@ -29,6 +29,7 @@ pub struct Applied {
     /// A joint's torque was not a number.
     pub broken: bool,
     /// What the rate limit takes from each joint's torque, given less wanted, smoothed and beyond the chatter of feedback \[N·m\].
+    /// What it takes from friction is left out: the joint stands meanwhile, it is not accelerated.
     pub lacking: [f64; MAX_JOINTS],
 }
 
@@ -43,6 +44,8 @@ pub struct Output {
     /// What the rate limit takes, smoothed \[N·m\], and the weight of one command in it.
     lacking: [f64; MAX_JOINTS],
     weight: f64,
+    /// Friction behind a rate limit of its own \[N·m\].
+    friction: [f64; MAX_JOINTS],
     /// Largest permitted value of that count.
     most_held_back: [u32; MAX_JOINTS],
 }
@@ -65,6 +68,7 @@ impl Output {
             held_back: [0; MAX_JOINTS],
             lacking: zero,
             weight,
+            friction: zero,
             most_held_back,
         }
     }
@@ -82,8 +86,9 @@ impl Output {
         self.lacking = [0.0; MAX_JOINTS];
     }
 
-    /// Limits `wanted` in place. A joint whose torque is not a number keeps its last command. Real-time safe.
-    pub fn apply(&mut self, wanted: &mut [f64]) -> Applied {
+    /// Limits `wanted` in place; `friction` is the part of it that turns round with the joint \[N·m\]. A joint whose torque is not a
+    /// number keeps its last command. Real-time safe.
+    pub fn apply(&mut self, wanted: &mut [f64], friction: &[f64; MAX_JOINTS]) -> Applied {
         let mut applied = Applied::default();
         for (j, tau) in wanted.iter_mut().enumerate() {
             let (last, limit, step) = (self.last[j], self.limits.torque[j], self.limits.step[j]);
@@ -94,7 +99,9 @@ impl Output {
                 // Saturating last as well as first: a step may not lead out of the limits.
                 let given = within.clamp(last - step, last + step).clamp(-limit, limit);
                 let chatter = LACKING_SHARE * limit;
-                let lacking = given - within;
+                let turning = friction[j] - self.friction[j];
+                self.friction[j] += turning.clamp(-step, step);
+                let lacking = given - within + (turning - turning.clamp(-step, step));
                 self.lacking[j] += self.weight * (lacking - self.lacking[j]);
                 applied.lacking[j] = self.lacking[j] - self.lacking[j].clamp(-chatter, chatter);
                 let (lacking, before) = (lacking.abs() > chatter, self.held_back[j]);
@@ -137,7 +144,7 @@ mod tests {
         let mut out = output();
         let found = (1..20).find(|k| {
             let wanted = if k % 4 < 2 { 10.0 } else { -10.0 };
-            let _ = out.apply(&mut [3.0 * wanted, wanted]);
+            let _ = out.apply(&mut [3.0 * wanted, wanted], &[0.0; MAX_JOINTS]);
             out.held_back() != 0
         });
         // From one limit to the other takes five commands.
@@ -146,7 +153,7 @@ mod tests {
         assert_eq!(out.held_back(), 0);
         let mut out = output();
         for _ in 0..20 {
-            let _ = out.apply(&mut [10.0, 10.0]);
+            let _ = out.apply(&mut [10.0, 10.0], &[0.0; MAX_JOINTS]);
             assert_eq!(out.held_back(), 0, "it arrives");
         }
     }
@@ -157,7 +164,7 @@ mod tests {
         let mut seen = Vec::new();
         for _ in 0..4 {
             let mut tau = [50.0, -50.0];
-            let applied = out.apply(&mut tau);
+            let applied = out.apply(&mut tau, &[0.0; MAX_JOINTS]);
             assert!(applied.saturated && !applied.broken);
             assert_eq!(applied.limited[..2], [true, true]);
             seen.push(tau);
@@ -170,10 +177,10 @@ mod tests {
     fn a_torque_that_is_no_number_keeps_the_last_command() {
         let mut out = output();
         let mut tau = [3.0, 5.0];
-        assert_eq!(out.apply(&mut tau), Applied::default());
+        assert_eq!(out.apply(&mut tau, &[0.0; MAX_JOINTS]), Applied::default());
         for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
             let mut tau = [bad, 6.0];
-            assert!(out.apply(&mut tau).broken);
+            assert!(out.apply(&mut tau, &[0.0; MAX_JOINTS]).broken);
             assert_eq!(tau, [3.0, 6.0]);
         }
     }

@@ -172,7 +172,7 @@ impl Stop {
                         q[j] = measured[j];
                     }
                 }
-                law.model_torque(&q[..n], &qd[..n], &qdd[..n], x, tau);
+                law.model_torque_without_friction(&q[..n], &qd[..n], &qdd[..n], x, tau);
                 stopping.qdd = qdd;
                 stopping.speed = stopping.qd;
                 if let Some([_, speed]) = seen {
@@ -198,7 +198,7 @@ impl Acting<'_> {
         let (n, zero) = (law.dof(), [0.0; MAX_JOINTS]);
         let [mut all, mut without] = [zero; 2];
         law.model_torque(&q[..n], &qd[..n], &zero[..n], self.all, &mut all[..n]);
-        law.model_torque(&q[..n], &qd[..n], &zero[..n], self.frictionless, &mut without[..n]);
+        law.model_torque_without_friction(&q[..n], &qd[..n], &zero[..n], self.frictionless, &mut without[..n]);
         core::array::from_fn(|j| FRICTION_SHARE * (all[j] - without[j]))
     }
 }

@@ -124,3 +124,56 @@ fn joints_with_more_friction_than_their_file_has_are_not_stopped() {
     }
     assert!(stopped.is_empty(), "{stopped:#?}");
 }
+
+/// Parts of each drive's torque limit: Coulomb friction, and what Stribeck friction adds at standstill.
+const DRY: [f64; 2] = [0.25, 0.1];
+/// Velocity of that Stribeck friction \[rad/s\].
+const STRIBECK_VELOCITY: f64 = 0.05;
+
+/// The robot of a file with this friction.
+fn with_friction(arm: &str, has_stribeck: bool) -> Robot {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots").join(arm).join("robot.toml");
+    let text = std::fs::read_to_string(&file).expect("the robot file");
+    let limits = &rivet_config::parse(&file, &text).expect("a sound file").config.drive.torque_limit;
+    let of_limit = |share: f64| limits.iter().map(|limit| share * limit).collect::<Vec<f64>>();
+    let coulomb = format!("coulomb = {:?}", of_limit(DRY[0]));
+    let line = |line: &str| if line.starts_with("coulomb = [") { coulomb.clone() } else { line.to_owned() };
+    let mut text = text.lines().map(line).collect::<Vec<_>>().join("\n");
+    if has_stribeck {
+        let velocity = vec![STRIBECK_VELOCITY; limits.len()];
+        text += &format!("\n[effects.stribeck_friction]\nexcess = {:?}\nvelocity = {velocity:?}\n", of_limit(DRY[1]));
+    }
+    rivet_config::parse(&file, &text).expect("the changed file is sound")
+}
+
+/// Friction that turns round with a joint is not what the rate limit takes from the joint's acceleration: the joint stands until the
+/// torque has turned round, and is then where the plan was. Its reference does not run away meanwhile.
+#[test]
+fn friction_that_the_file_has_moves_no_reference() {
+    /// Part of the torque limit by which commands may change, a sample.
+    const RATE: f64 = 0.01;
+    /// Times the way of the plan that an arm may be off: feedback catches up, and friction is not that of the file in the first millimetre.
+    const CATCHING_UP: f64 = 3.0;
+    for arm in ["manutec-r3", "ur10e"] {
+        for has_stribeck in [false, true] {
+            let robot = with_friction(arm, has_stribeck);
+            let swing = Swing::new(&robot, 0.4);
+            let turns_by = 2.0 * (DRY[0] + if has_stribeck { DRY[1] } else { 0.0 });
+            let stands_s = turns_by / RATE * robot.config.sample_period_s;
+            let hardest = swing.amplitude.iter().zip(&swing.omega).map(|(a, w)| a * w * w).fold(0.0, f64::max);
+            let missed = 0.5 * hardest * stands_s.powi(2);
+            let limits = robot.config.drive.torque_limit.clone();
+            let mut rig = Rig::of(robot, Motion::Swing(swing)).differing(|physics| {
+                for (joint, limit) in physics.joints.iter_mut().zip(&limits).filter(|_| has_stribeck) {
+                    joint.dry.stribeck = [DRY[1] * limit, STRIBECK_VELOCITY];
+                }
+            });
+            let o = rig.run(0.0, Wrong::Nothing, 8.0, |_, _| ());
+            println!(
+                "{arm}, Stribeck {has_stribeck}: {:.4} rad off, the plan moves {missed:.4} rad, {:?}",
+                o.away, o.stop
+            );
+            assert!(o.stops == 0 && o.away < CATCHING_UP * missed, "{arm}, Stribeck {has_stribeck}: {o:?}");
+        }
+    }
+}

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use rivet_config::Robot;
+use rivet_diagnosis::Effect;
 use rivet_dynamics::JointKind;
 use rivet_realtime::Shutdown;
 use rivet_report::words::{effect, percent};
@@ -68,6 +69,11 @@ const KINDS: [Kind; 4] = [
         words: |torque, _| format!("{torque:.3} N m, once a turn"),
     },
 ];
+
+/// Whether the true arm differs from the robot file in this: in a value that the file has, or by the payload.
+fn differs(name: &str) -> bool {
+    Effect::ALL.iter().any(|e| e.name() == name && (e.kind() == rivet_diagnosis::Kind::Value || name == "payload"))
+}
 
 /// The effect in the true arm.
 pub(crate) struct Hidden {
@@ -159,13 +165,15 @@ impl Hidden {
                 out += &paragraph_within(COLUMNS, "  named        ", &format!("not found: verdict {}", found.verdict));
             }
         }
-        let others: Vec<String> = causes.iter().filter(|cause| !self.is(cause)).map(|c| effect(&c.effect)).collect();
-        if !others.is_empty() {
-            out += &paragraph_within(
-                COLUMNS,
-                "  beside it    ",
-                &format!("{} (the true arm differs in these, too)", others.join(", ")),
-            );
+        let others = |is_true: bool| -> Vec<String> {
+            let others = causes.iter().filter(|cause| !self.is(cause) && differs(&cause.effect) == is_true);
+            others.map(|cause| effect(&cause.effect)).collect()
+        };
+        for (is_true, note) in [(true, "the true arm differs in these, too"), (false, "not in the true arm")] {
+            let others = others(is_true);
+            if !others.is_empty() {
+                out += &paragraph_within(COLUMNS, "  also named   ", &format!("{} ({note})", others.join(", ")));
+            }
         }
         if let Some(result) = found.result_line() {
             out += &paragraph_within(COLUMNS, "  result       ", &result);
@@ -182,6 +190,7 @@ pub(super) fn diagnose(files: &Files, shutdown: &Shutdown) -> Result<Document> {
     let program = std::env::current_exe().context("cannot find this program's own file")?;
     let mut command = Command::new(program);
     command.arg("diagnose").args([&files.robot, &files.log]).arg("--json").arg(&files.verdict);
+    command.arg("--export").arg(&files.patched);
     let mut child = command
         .stdin(Stdio::null())
         .stdout(Stdio::null())

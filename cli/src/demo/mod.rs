@@ -1,4 +1,5 @@
-//! `rivet demo`: plant, daemon and controller as processes, one live screen, a diagnosis of the recorded run, and a table at the end.
+//! `rivet demo`: plant, daemon and controller as processes, one live screen, a diagnosis of the recorded run, the same arm on the
+//! patched model, and a table at the end.
 
 mod hidden;
 mod reference;
@@ -58,6 +59,9 @@ const PHASE_S: f64 = 10.0;
 /// Motion left out at the start of each phase \[s\]: the start from rest, and the change-over.
 const SETTLE_S: f64 = 2.0;
 
+/// From here on identified parameters act \[s of motion\].
+const SWITCH_S: f64 = SETTLE_S + PHASE_S;
+
 /// Beyond this the machine is too slow or something hangs.
 const LONGEST: Duration = Duration::from_secs(58);
 
@@ -69,6 +73,19 @@ struct Ports {
     setpoints: Subscriber<Setpoint>,
     parameters: Subscriber<Parameters>,
     health: Subscriber<Health>,
+}
+
+impl Ports {
+    fn open(robot: &Robot, private: &PrivateBus) -> Result<Ports> {
+        let name = RobotName::new(&robot.config.name)?;
+        let bus = Bus::open(private.config(), &name, "rivet-demo")?;
+        Ok(Ports {
+            states: bus.joint_state_subscriber()?,
+            setpoints: bus.setpoint_subscriber()?,
+            parameters: bus.parameters_subscriber()?,
+            health: bus.health_subscriber()?,
+        })
+    }
 }
 
 /// Files of the run.
@@ -83,7 +100,40 @@ struct Files {
     log: PathBuf,
     /// What the diagnosis found.
     verdict: PathBuf,
+    /// Folder of the patched model.
+    patched: PathBuf,
     folder: PathBuf,
+}
+
+/// A run of the arm.
+struct Run<'a> {
+    robot: &'a Robot,
+    ports: &'a Ports,
+    /// True values, where errors of parameters are of interest.
+    reference: Option<&'a Reference>,
+    /// What acts in each phase, and when the measured part of the phase begins \[s of motion\]. The run ends with the last phase.
+    phases: Vec<(Acting, f64)>,
+}
+
+/// What the controller computes torques from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Acting {
+    /// The robot file's values.
+    RobotFile,
+    /// Parameters that rivetd publishes.
+    Identified,
+    /// The robot file with the values and effects that the diagnosis found.
+    Patched,
+}
+
+impl Acting {
+    fn name(self) -> &'static str {
+        match self {
+            Acting::RobotFile => "robot file",
+            Acting::Identified => "identified",
+            Acting::Patched => "patched",
+        }
+    }
 }
 
 /// What has been heard so far.
@@ -113,33 +163,25 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         None => unpack(&folder)?,
     };
     let robot = rivet_config::load(&robot_file)?;
-    let name = RobotName::new(&robot.config.name)?;
-    let bus = Bus::open(private.config(), &name, "rivet-demo")?;
-    let ports = Ports {
-        states: bus.joint_state_subscriber()?,
-        setpoints: bus.setpoint_subscriber()?,
-        parameters: bus.parameters_subscriber()?,
-        health: bus.health_subscriber()?,
-    };
+    let ports = Ports::open(&robot, &private)?;
     let [truth, log, verdict] = ["truth.json", "run.csv", "diagnosis.json"].map(|name| folder.join(name));
-    remove_old([&truth, &log, &verdict])?;
+    let patched = folder.join("patched");
+    let model = patched.join("model.toml");
+    remove_old([&truth, &log, &verdict, &model])?;
     let hidden = Hidden::draw(&robot, args.seed)?;
     let true_robot = hidden.robot_file(&robot, &robot_file, &folder)?;
-    let files = Files { robot: robot_file, true_robot, truth, log, verdict, folder };
+    let files = Files { robot: robot_file, true_robot, truth, log, verdict, patched, folder };
     start(&mut children, args, &robot, &files, private.config())?;
 
     let truth = wait_for_truth(&files.truth, &robot, &mut children, &shutdown)?;
     let reference = Reference::new(&robot, truth);
-    let received = watch(&robot, &reference, &ports, &mut children, &shutdown)?;
+    let phases = vec![(Acting::RobotFile, SETTLE_S), (Acting::Identified, SWITCH_S + SETTLE_S)];
+    let received =
+        watch(&Run { robot: &robot, ports: &ports, reference: Some(&reference), phases }, &mut children, &shutdown)?;
     children.end();
     let found = hidden::diagnose(&files, &shutdown)?;
-    let result = table::Table::new(
-        &robot,
-        &reference,
-        &received.tracking,
-        received.parameters.as_ref(),
-        received.health.as_ref(),
-    );
+    let adopted = if model.exists() { Some(adopt(args, &model, &files, &shutdown)?) } else { None };
+    let result = table::Table::new(&robot, &reference, &received, adopted.as_ref());
     if args.parameters {
         show(&result.details())?;
     }
@@ -148,7 +190,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
 }
 
 /// Removes what an earlier run left in a kept folder: none of it may be taken for this run's.
-fn remove_old(files: [&Path; 3]) -> Result<()> {
+fn remove_old(files: [&Path; 4]) -> Result<()> {
     for file in files {
         match std::fs::remove_file(file) {
             Err(why) if why.kind() != std::io::ErrorKind::NotFound => {
@@ -173,31 +215,59 @@ fn output_file(path: &Path) -> Result<File> {
     Draft::new(path).and_then(Draft::publish).with_context(|| format!("cannot write {}", path.display()))
 }
 
-/// The true arm differs from the robot file: every body and friction value by a factor of its own, a payload, the hidden effect.
-fn start(children: &mut Children, args: &Args, robot: &Robot, files: &Files, bus: &BusConfig) -> Result<()> {
-    let text = |path: &Path| path.to_string_lossy().into_owned();
-    let common = |command: &str, robot: &Path| -> Vec<String> {
-        [command, &text(robot), "--prefix", &bus.prefix, "--root", &text(&bus.root)].map(str::to_owned).to_vec()
-    };
-    let log = |name: &str| output_file(&files.folder.join(name)).map(Some);
-    let switch = ((PHASE_S + SETTLE_S) / robot.config.sample_period_s).round() as u64;
+/// Robot file and bus of one of the programs, as words.
+fn words(command: &str, robot: &Path, bus: &BusConfig) -> Vec<String> {
+    let [robot, root] = [robot, &bus.root].map(|path| path.to_string_lossy().into_owned());
+    [command, &robot, "--prefix", &bus.prefix, "--root", &root].map(str::to_owned).to_vec()
+}
 
-    let mut daemon = common("daemon", &files.robot);
-    daemon.push("--best-effort".to_owned());
-    children.start(&daemon, log("daemon.log")?)?;
-    let mut controller = common("controller", &files.robot);
-    controller.extend(["--best-effort", "--lockstep", "--adopt-from", &switch.to_string()].map(str::to_owned));
-    children.start(&controller, log("controller.log")?)?;
-    let mut sim = common("sim", &files.true_robot);
+/// The true arm differs from the robot file: every body and friction value by a factor of its own, a payload, the hidden effect.
+fn sim(args: &Args, files: &Files, bus: &BusConfig) -> Vec<String> {
+    let mut sim = words("sim", &files.true_robot, bus);
     let seed = args.seed.to_string();
     sim.extend(["--motion", "fourier", "--lockstep", "20", "--seed", &seed].map(str::to_owned));
-    sim.extend(["--truth-out", &text(&files.truth), "--log-out", &text(&files.log)].map(str::to_owned));
     sim.extend(
         ["--friction", "1.6", "--bodies-spread", "0.2", "--friction-spread", "0.15", "--rotor-inertia-spread", "0.1"]
             .map(str::to_owned),
     );
     sim.extend(["--payload", "1.0"].map(str::to_owned));
+    sim
+}
+
+/// Starts daemon, controller and true arm: on the robot file first, on identified parameters later.
+fn start(children: &mut Children, args: &Args, robot: &Robot, files: &Files, bus: &BusConfig) -> Result<()> {
+    let log = |name: &str| output_file(&files.folder.join(name)).map(Some);
+    let switch = (SWITCH_S / robot.config.sample_period_s).round() as u64;
+    let mut daemon = words("daemon", &files.robot, bus);
+    daemon.push("--best-effort".to_owned());
+    children.start(&daemon, log("daemon.log")?)?;
+    let mut controller = words("controller", &files.robot, bus);
+    controller.extend(["--best-effort", "--lockstep", "--adopt-from", &switch.to_string()].map(str::to_owned));
+    children.start(&controller, log("controller.log")?)?;
+    let mut sim = sim(args, files, bus);
+    let [truth, run] = [&files.truth, &files.log].map(|path| path.to_string_lossy().into_owned());
+    sim.extend(["--truth-out", &truth, "--log-out", &run].map(str::to_owned));
     children.start(&sim, log("sim.log")?)
+}
+
+/// The same arm and motion on the patched model, which acts from the start. No parameter is identified for the controller.
+fn adopt(args: &Args, model: &Path, files: &Files, shutdown: &Shutdown) -> Result<Received> {
+    let private = PrivateBus::new("demo");
+    let mut children = Children::default();
+    let robot = rivet_config::load(model)?;
+    let ports = Ports::open(&robot, &private)?;
+    let log = |name: &str| output_file(&files.folder.join(name)).map(Some);
+    let mut daemon = words("daemon", model, private.config());
+    daemon.push("--best-effort".to_owned());
+    children.start(&daemon, log("daemon-patched.log")?)?;
+    let mut controller = words("controller", model, private.config());
+    controller.extend(["--best-effort", "--lockstep", "--nominal"].map(str::to_owned));
+    children.start(&controller, log("controller-patched.log")?)?;
+    children.start(&sim(args, files, private.config()), log("sim-patched.log")?)?;
+    let phases = vec![(Acting::Patched, SETTLE_S)];
+    let received = watch(&Run { robot: &robot, ports: &ports, reference: None, phases }, &mut children, shutdown)?;
+    children.end();
+    Ok(received)
 }
 
 fn check(children: &mut Children, shutdown: &Shutdown, begin: Instant) -> Result<()> {
@@ -231,31 +301,27 @@ fn wait_for_truth(file: &Path, robot: &Robot, children: &mut Children, shutdown:
     Ok(base)
 }
 
-fn watch(
-    robot: &Robot,
-    reference: &Reference,
-    ports: &Ports,
-    children: &mut Children,
-    shutdown: &Shutdown,
-) -> Result<Received> {
-    let period = robot.config.sample_period_s;
-    let phase = |from: f64, to: f64| (from / period).round() as u64..(to / period).round() as u64;
-    let switch = PHASE_S + SETTLE_S;
-    let total = switch + SETTLE_S + PHASE_S;
-    let tracking = Tracking::new(robot.model.arm.dof(), phase(SETTLE_S, switch), phase(switch + SETTLE_S, total));
+fn watch(run: &Run<'_>, children: &mut Children, shutdown: &Shutdown) -> Result<Received> {
+    let period = run.robot.config.sample_period_s;
+    let sample = |seconds: f64| (seconds / period).round() as u64;
+    let measured = run.phases.iter().map(|(_, from)| sample(*from)..sample(from + PHASE_S)).collect();
+    let total_s = run.phases.last().map_or(0.0, |(_, from)| from + PHASE_S);
+    let tracking = Tracking::new(run.robot.model.arm.dof(), measured);
     let mut received = Received { tracking, parameters: None, health: None, samples: 0 };
-    let mut screen = Screen::new(robot);
+    let mut screen = Screen::new(run.robot);
     let begin = Instant::now();
-    let end = (total / period).round() as u64;
-    while received.samples < end {
+    while received.samples < sample(total_s) {
         std::thread::sleep(Duration::from_millis(20));
         check(children, shutdown, begin)?;
-        received.take(ports)?;
+        received.take(run.ports)?;
+        let motion_s = received.samples as f64 * period;
+        let acting = run.phases.iter().find(|(_, from)| motion_s < from + PHASE_S).or(run.phases.last());
+        let errors = run.reference.zip(received.parameters.as_ref());
         screen.draw_if_due(&Frame {
-            motion_s: received.samples as f64 * period,
-            total_s: total,
-            identified: received.samples as f64 * period >= switch,
-            errors: received.parameters.as_ref().map(|p| reference.errors(&p.values[..p.len()])),
+            motion_s,
+            total_s,
+            acting: acting.map_or(Acting::RobotFile, |(acting, _)| *acting),
+            errors: errors.map(|(reference, p)| reference.errors(&p.values[..p.len()])),
             health: received.health.as_ref(),
             tracking: &received.tracking,
         })?;

@@ -1,5 +1,6 @@
 //! The live screen: redrawn in place on a terminal, a line now and then elsewhere.
 
+use super::Acting;
 use super::reference::GROUPS;
 use super::tracking::Tracking;
 use crate::table::{show, show_picture};
@@ -15,9 +16,10 @@ use std::time::{Duration, Instant};
 pub(crate) struct Frame<'a> {
     pub(crate) motion_s: f64,
     pub(crate) total_s: f64,
-    /// Whether identified parameters act.
-    pub(crate) identified: bool,
-    /// Torque error of each parameter group and of all, once parameters were published.
+    /// What the controller computes torques from.
+    pub(crate) acting: Acting,
+    /// Torque error of each parameter group and of all, once parameters were published and where the true values are those of
+    /// this model.
     pub(crate) errors: Option<Vec<f64>>,
     pub(crate) health: Option<&'a Health>,
     pub(crate) tracking: &'a Tracking,
@@ -105,14 +107,28 @@ impl Screen {
 
     fn draw(&self, frame: &Frame<'_>, columns: usize) -> String {
         let mut out = Vec::new();
-        let phase = if frame.identified { "IDENTIFIED" } else { "NOMINAL" };
+        let model = match frame.acting {
+            Acting::RobotFile => "parameters of the ROBOT FILE",
+            Acting::Identified => "IDENTIFIED parameters",
+            Acting::Patched => "the model that the diagnosis PATCHED",
+        };
         out.push(format!("rivet demo · {} · {:4.1} of {:.0} s of motion", self.robot, frame.motion_s, frame.total_s));
-        out.push(format!("the controller uses {phase} parameters"));
+        out.push(format!("the controller uses {model}"));
         out.push(String::new());
+        if frame.acting != Acting::Patched {
+            self.draw_errors(frame, columns, &mut out);
+        }
+        self.draw_joints(frame, columns, &mut out);
+        out.push(frame.health.map_or_else(|| "waiting for rivetd".to_owned(), timing));
+        let mut text = out.join("\n");
+        text.push('\n');
+        text
+    }
+
+    /// A bar for each group of parameters.
+    fn draw_errors(&self, frame: &Frame<'_>, columns: usize, out: &mut Vec<String>) {
         out.push("torque error caused by wrong parameters [% of the torque limits]".to_owned());
         let bar_width = columns.saturating_sub(BAR_TEXT_WIDTH).clamp(BAR_WIDTH.0, BAR_WIDTH.1);
-        let cell_width = columns.saturating_sub(LABEL_WIDTH) / self.joints.len().max(1);
-        let cell_width = cell_width.clamp(CELL_WIDTH.0, CELL_WIDTH.1);
         match (&frame.errors, &self.first) {
             (Some(errors), Some(first)) => {
                 for (g, (_, name)) in GROUPS.iter().enumerate().filter(|(g, _)| first[*g] > 0.0) {
@@ -124,6 +140,12 @@ impl Screen {
             _ => out.push("  waiting for the first parameter set".to_owned()),
         }
         out.push(String::new());
+    }
+
+    /// Residual and tracking error of each joint.
+    fn draw_joints(&self, frame: &Frame<'_>, columns: usize, out: &mut Vec<String>) {
+        let cell_width = columns.saturating_sub(LABEL_WIDTH) / self.joints.len().max(1);
+        let cell_width = cell_width.clamp(CELL_WIDTH.0, CELL_WIDTH.1);
         // One column stays free between two names.
         let names = self.joints.iter().map(|joint| joint.chars().take(cell_width - 1).collect());
         out.push(format!("{:<LABEL_WIDTH$}{}", "", cells(names, cell_width)));
@@ -138,10 +160,6 @@ impl Screen {
         let errors = (0..self.joints.len()).map(|j| mrad(frame.tracking.now.rms(j)));
         out.push(format!("{:<LABEL_WIDTH$}{}", "tracking error [mrad]", cells(errors, cell_width)));
         out.push(String::new());
-        out.push(frame.health.map_or_else(|| "waiting for rivetd".to_owned(), timing));
-        let mut text = out.join("\n");
-        text.push('\n');
-        text
     }
 }
 
@@ -195,10 +213,13 @@ fn timing(health: &Health) -> String {
 
 fn line(frame: &Frame<'_>) -> String {
     let all = frame.errors.as_ref().and_then(|errors| errors.last().copied());
-    let all = all.map_or_else(|| "no parameters yet".to_owned(), |e| format!("parameter error {e:.3} % of limits"));
+    let all = match (all, frame.acting) {
+        (Some(error), _) => format!("parameter error {error:.3} % of limits"),
+        (None, Acting::Patched) => "model with the effects found".to_owned(),
+        (None, _) => "no parameters yet".to_owned(),
+    };
     let tracking = mrad(frame.tracking.now.rms_all(frame.tracking.dof));
-    let phase = if frame.identified { "identified" } else { "nominal" };
-    format!("{:5.1} s  {phase:<10}  {all}  tracking {tracking} mrad rms\n", frame.motion_s)
+    format!("{:5.1} s  {:<10}  {all}  tracking {tracking} mrad rms\n", frame.motion_s, frame.acting.name())
 }
 
 #[cfg(test)]
@@ -212,12 +233,12 @@ mod tests {
         let robot = crate::demo::unpack(folder.path()).expect("the built-in robot");
         let robot = rivet_config::load(&robot).expect("it is sound");
         let screen = Screen { first: Some(vec![1.0; GROUPS.len() + 1]), ..Screen::new(&robot) };
-        let (health, tracking) = (Health::default(), Tracking::new(6, 0..10, 10..20));
+        let (health, tracking) = (Health::default(), Tracking::new(6, vec![0..10, 10..20]));
         let errors = Some(vec![100.0; GROUPS.len() + 1]);
         let frame = Frame {
             motion_s: 1.0,
             total_s: 24.0,
-            identified: false,
+            acting: Acting::RobotFile,
             errors,
             health: Some(&health),
             tracking: &tracking,

@@ -1,63 +1,73 @@
 //! The table at the end: what was identified, and what it was good for.
 
+use super::Received;
 use super::reference::{GROUPS, Reference};
-use super::tracking::Tracking;
 use rivet_config::Robot;
 use rivet_dynamics::ParameterGroup;
-use rivet_ipc_schema::{Health, ParameterState, Parameters};
+use rivet_ipc_schema::{Health, ParameterState};
 use std::fmt::{self, Write as _};
 
 /// Everything the demonstration promises, and whether it held.
 pub(crate) struct Table<'a> {
     robot: &'a Robot,
     reference: &'a Reference,
-    tracking: &'a Tracking,
-    parameters: Option<&'a Parameters>,
-    health: Option<&'a Health>,
+    /// Of the run on the robot file and on identified parameters.
+    first: &'a Received,
+    /// Of the run on the patched model; none where nothing was patched.
+    adopted: Option<&'a Received>,
 }
 
 impl<'a> Table<'a> {
     pub(crate) fn new(
         robot: &'a Robot,
         reference: &'a Reference,
-        tracking: &'a Tracking,
-        parameters: Option<&'a Parameters>,
-        health: Option<&'a Health>,
+        first: &'a Received,
+        adopted: Option<&'a Received>,
     ) -> Table<'a> {
-        Table { robot, reference, tracking, parameters, health }
+        Table { robot, reference, first, adopted }
     }
 
-    /// Torque residual of all joints, each in units of its torque limit: with nominal and with identified parameters.
-    fn torque(&self) -> Option<(f64, f64)> {
-        let health = self.health?;
+    /// Torque residual of all joints, each in units of its torque limit \[%\]: with the robot file, identified, patched. A figure
+    /// that is missing is not a number.
+    fn torque(&self) -> [f64; 3] {
         let limits = &self.robot.config.drive.torque_limit;
         let over = |rms: &[f64]| {
             let square: f64 = rms.iter().zip(limits).map(|(r, limit)| (r / limit).powi(2)).sum();
             100.0 * (square / limits.len() as f64).sqrt()
         };
-        Some((over(&health.nominal_residual_rms), over(&health.residual_rms)))
+        let of = |health: Option<&Health>, rms: fn(&Health) -> &[f64]| health.map_or(f64::NAN, |h| over(rms(h)));
+        let (first, adopted) = (self.first.health.as_ref(), self.adopted.and_then(|run| run.health.as_ref()));
+        // The values of the patched file are the nominal ones of its own run.
+        [
+            of(first, |h| &h.nominal_residual_rms),
+            of(first, |h| &h.residual_rms),
+            of(adopted, |h| &h.nominal_residual_rms),
+        ]
     }
 
-    fn tracking_rms(&self) -> (f64, f64) {
-        let dof = self.tracking.dof;
-        (1e3 * self.tracking.nominal.rms_all(dof), 1e3 * self.tracking.identified.rms_all(dof))
+    /// Tracking error of all joints \[mrad\], as [`torque`](Self::torque).
+    fn tracking(&self) -> [f64; 3] {
+        let patched = self.adopted.map_or(f64::NAN, |run| run.tracking.rms_all(0));
+        [self.first.tracking.rms_all(0), self.first.tracking.rms_all(1), patched].map(|rms| 1e3 * rms)
     }
 
     fn parameter_errors(&self) -> Option<(f64, f64)> {
-        let p = self.parameters?;
+        let p = self.first.parameters.as_ref()?;
         let before = *self.reference.errors(&self.robot.nominal_base).last()?;
         let after = *self.reference.errors(&p.values[..p.len()]).last()?;
         Some((before, after))
     }
 
-    /// Whether torque error, tracking error and parameter error all became smaller, and no sample was lost. A figure
-    /// that is missing or not a number is a failure.
+    /// Whether the identified values bring torque error and parameter error down, the patched model torque error and tracking error,
+    /// and no sample was lost. A figure that is missing is a failure.
     pub(crate) fn improved(&self) -> bool {
-        let smaller = |pair: Option<(f64, f64)>| pair.is_some_and(|(before, after)| after < before);
-        smaller(self.torque())
-            && smaller(Some(self.tracking_rms()))
-            && smaller(self.parameter_errors())
-            && self.health.is_some_and(|health| health.lost == 0)
+        let [torque, torque_identified, torque_patched] = self.torque();
+        let [tracking, _, tracking_patched] = self.tracking();
+        torque_identified < torque
+            && torque_patched < torque
+            && tracking_patched < tracking
+            && self.parameter_errors().is_some_and(|(before, after)| after < before)
+            && self.first.health.is_some_and(|health| health.lost == 0)
     }
 
     /// Tracking error of each joint, then every friction, rotor and offset parameter: robot file, truth, estimate and its standard
@@ -65,17 +75,22 @@ impl<'a> Table<'a> {
     pub(crate) fn details(&self) -> String {
         let mut text = String::new();
         // Writing to a string cannot fail, here and below.
-        let _ = writeln!(text, "{:<34} {:>12} {:>12}", "tracking error, rms [mrad]", "robot file", "identified");
+        let _ = writeln!(
+            text,
+            "{:<34} {:>12} {:>12} {:>12}",
+            "tracking error, rms [mrad]", "robot file", "identified", "patched"
+        );
         for (j, joint) in self.robot.model.arm.joints.iter().enumerate() {
-            let (before, after) = (1e3 * self.tracking.nominal.rms(j), 1e3 * self.tracking.identified.rms(j));
-            let _ = writeln!(text, "  {:<32} {before:>12.3} {after:>12.3}", joint.name);
+            let [before, after] = [0, 1].map(|phase| 1e3 * self.first.tracking.rms(phase, j));
+            let patched = self.adopted.map_or(f64::NAN, |run| 1e3 * run.tracking.rms(0, j));
+            let _ = writeln!(text, "  {:<32} {before:>12.3} {after:>12.3} {patched:>12.3}", joint.name);
         }
         let _ = self.write_parameters(&mut text);
         text
     }
 
     fn write_parameters(&self, f: &mut impl fmt::Write) -> fmt::Result {
-        let Some(p) = self.parameters else {
+        let Some(p) = &self.first.parameters else {
             return writeln!(f, "rivetd published no parameters");
         };
         let (model, base) = (&self.robot.model, &self.robot.base);
@@ -109,7 +124,7 @@ impl<'a> Table<'a> {
 
     /// One line: how many identified parameters lie within their stated deviation of the truth.
     fn write_coverage(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Some(p) = self.parameters else {
+        let Some(p) = &self.first.parameters else {
             return writeln!(f, "rivetd published no parameters");
         };
         let active = (0..p.len()).filter(|&i| ParameterState::try_from(p.state[i]) == Ok(ParameterState::Active));
@@ -124,7 +139,7 @@ impl<'a> Table<'a> {
 
 impl fmt::Display for Table<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if let Some(p) = self.parameters {
+        if let Some(p) = &self.first.parameters {
             writeln!(f, "{:<34} {:>12} {:>12}", "torque error from parameters [%]", "robot file", "identified")?;
             let (before, after) =
                 (self.reference.errors(&self.robot.nominal_base), self.reference.errors(&p.values[..p.len()]));
@@ -134,13 +149,17 @@ impl fmt::Display for Table<'_> {
             let all = before.len() - 1;
             writeln!(f, "  {:<32} {:>12.3} {:>12.3}", "all together", before[all], after[all])?;
         }
-        writeln!(f, "{:<34} {:>12} {:>12} {:>8}", "with", "robot file", "identified", "ratio")?;
-        let mut row = |what: &str, pair: Option<(f64, f64)>| match pair {
-            Some((before, after)) => writeln!(f, "{what:<34} {before:>12.3} {after:>12.3} {:>8.3}", after / before),
-            None => writeln!(f, "{what:<34} not measured"),
-        };
-        row("torque error, rms [% of limits]", self.torque())?;
-        row("tracking error, rms [mrad]", Some(self.tracking_rms()))?;
+        writeln!(f, "{:<34} {:>12} {:>12} {:>12}", "with", "robot file", "identified", "patched")?;
+        for (what, figures) in
+            [("torque error, rms [% of limits]", self.torque()), ("tracking error, rms [mrad]", self.tracking())]
+        {
+            write!(f, "{what:<34}")?;
+            for figure in figures {
+                let text = if figure.is_finite() { format!("{figure:.3}") } else { "-".to_owned() };
+                write!(f, " {text:>12}")?;
+            }
+            writeln!(f)?;
+        }
         self.write_coverage(f)?;
         let verdict = if self.improved() { "improved" } else { "NOT improved" };
         write!(f, "torque error, tracking error and parameter error: {verdict}")

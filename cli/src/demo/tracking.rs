@@ -30,15 +30,11 @@ impl Square {
     }
 }
 
-/// Pairs setpoints with samples and adds up their difference while nominal and while identified parameters act.
+/// Pairs setpoints with samples and adds up their difference phase by phase.
 pub(crate) struct Tracking {
     pub(crate) dof: usize,
-    nominal_phase: Range<u64>,
-    identified_phase: Range<u64>,
-    /// With the robot file's parameters acting.
-    pub(crate) nominal: Square,
-    /// With the identified parameters acting.
-    pub(crate) identified: Square,
+    /// Samples of each phase that is measured, and the difference in it.
+    phases: Vec<(Range<u64>, Square)>,
     /// Of the last second.
     pub(crate) now: Square,
     pending: VecDeque<Setpoint>,
@@ -51,16 +47,20 @@ const RECENT: u64 = 1000;
 const PENDING: usize = 4096;
 
 impl Tracking {
-    pub(crate) fn new(dof: usize, nominal_phase: Range<u64>, identified_phase: Range<u64>) -> Tracking {
-        Tracking {
-            dof,
-            nominal_phase,
-            identified_phase,
-            nominal: Square::default(),
-            identified: Square::default(),
-            now: Square::default(),
-            pending: VecDeque::new(),
-        }
+    /// `phases`: samples that are measured, a range each.
+    pub(crate) fn new(dof: usize, phases: Vec<Range<u64>>) -> Tracking {
+        let phases = phases.into_iter().map(|samples| (samples, Square::default())).collect();
+        Tracking { dof, phases, now: Square::default(), pending: VecDeque::new() }
+    }
+
+    /// Root mean square of joint `j` in a phase \[rad\]; not a number where there was none.
+    pub(crate) fn rms(&self, phase: usize, j: usize) -> f64 {
+        self.phases.get(phase).map_or(f64::NAN, |(_, square)| square.rms(j))
+    }
+
+    /// The same over all joints.
+    pub(crate) fn rms_all(&self, phase: usize) -> f64 {
+        self.phases.get(phase).map_or(f64::NAN, |(_, square)| square.rms_all(self.dof))
     }
 
     pub(crate) fn setpoint(&mut self, setpoint: &Setpoint) {
@@ -76,11 +76,10 @@ impl Tracking {
         let Some(setpoint) = self.pending.front().filter(|setpoint| setpoint.seq == state.seq) else {
             return;
         };
-        if self.nominal_phase.contains(&state.seq) {
-            self.nominal.add(&setpoint.q, &state.q);
-        }
-        if self.identified_phase.contains(&state.seq) {
-            self.identified.add(&setpoint.q, &state.q);
+        for (samples, square) in &mut self.phases {
+            if samples.contains(&state.seq) {
+                square.add(&setpoint.q, &state.q);
+            }
         }
         if state.seq.is_multiple_of(RECENT) {
             self.now = Square::default();

@@ -123,7 +123,7 @@ impl Core {
             let stopping_s = stopping.periods as f64 * self.period_s;
             self.stop.torque(&mut self.law, &x[..self.count], stopping, seen, stopping_s, &mut tau[..n]);
         }
-        let command = self.give(seq, stamp_ns, tau, false);
+        let command = self.give(seq, stamp_ns, tau, None);
         if let Some(stopping) = &mut self.stopping {
             let mut lacking = [0.0; MAX_JOINTS];
             for j in 0..n {

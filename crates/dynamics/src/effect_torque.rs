@@ -20,10 +20,28 @@ impl Model {
     /// Adds the torque of all known effects that follow from one instant to that of the regressor: `tau` \[N·m\] becomes
     /// what the drives report. Real-time safe.
     pub fn add_effects(&self, ws: &mut Workspace, q: &[f64], qd: &[f64], qdd: &[f64], tau: &mut [f64]) {
+        self.add_effects_with(self.structure.sign_velocity, ws, [q, qd, qdd], tau);
+    }
+
+    /// The same without friction that turns round with the velocity (Stribeck, load-dependent, over the angle): what is left is
+    /// continuous in time where the motion is. Real-time safe.
+    pub fn add_effects_without_friction(
+        &self,
+        ws: &mut Workspace,
+        q: &[f64],
+        qd: &[f64],
+        qdd: &[f64],
+        tau: &mut [f64],
+    ) {
+        // So slow is every motion that friction has no direction.
+        self.add_effects_with(f64::INFINITY, ws, [q, qd, qdd], tau);
+    }
+
+    fn add_effects_with(&self, v0: f64, ws: &mut Workspace, [q, qd, qdd]: [&[f64]; 3], tau: &mut [f64]) {
         if self.effects().is_empty() {
             return;
         }
-        let torques = self.effect_torque(ws, q, qd, qdd);
+        let torques = self.effect_torque(v0, ws, q, qd, qdd);
         tau.iter_mut().zip(torques).for_each(|(tau, torque)| *tau += torque);
         for effect in self.effects().list() {
             if effect.kind == EffectKind::TorqueConstant {
@@ -45,13 +63,13 @@ impl Model {
                 *tau = if cut { tau.max(-size).min(size) } else { *tau / (1.0 + size) };
             }
         }
-        let torques = self.effect_torque(ws, q, qd, qdd);
+        let torques = self.effect_torque(self.structure.sign_velocity, ws, q, qd, qdd);
         tau.iter_mut().zip(torques).for_each(|(tau, torque)| *tau -= torque);
     }
 
-    /// Torque of the effects beside the regressor's, torque constants left out.
-    fn effect_torque(&self, ws: &mut Workspace, q: &[f64], qd: &[f64], qdd: &[f64]) -> [f64; MAX_JOINTS] {
-        let (effects, n, v0) = (self.effects(), self.arm.dof(), self.structure.sign_velocity);
+    /// Torque of the effects beside the regressor's, torque constants left out; `v0`: as of [`friction_sign`].
+    fn effect_torque(&self, v0: f64, ws: &mut Workspace, q: &[f64], qd: &[f64], qdd: &[f64]) -> [f64; MAX_JOINTS] {
+        let (effects, n) = (self.effects(), self.arm.dof());
         let mut out = [0.0; MAX_JOINTS];
         let mut carried = [0.0; MAX_JOINTS];
         if effects.loads || effects.displaces {
