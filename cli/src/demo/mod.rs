@@ -181,7 +181,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     children.end();
     let found = hidden::diagnose(&files, &shutdown)?;
     let adopted = if model.exists() { Some(adopt(args, &model, &files, &shutdown)?) } else { None };
-    let result = table::Table::new(&robot, &reference, &received, adopted.as_ref());
+    let result = table::Table { robot: &robot, reference: &reference, first: &received, adopted: adopted.as_ref() };
     if args.parameters {
         show(&result.details())?;
     }

@@ -107,13 +107,8 @@ impl Screen {
 
     fn draw(&self, frame: &Frame<'_>, columns: usize) -> String {
         let mut out = Vec::new();
-        let model = match frame.acting {
-            Acting::RobotFile => "parameters of the ROBOT FILE",
-            Acting::Identified => "IDENTIFIED parameters",
-            Acting::Patched => "the model that the diagnosis PATCHED",
-        };
         out.push(format!("rivet demo · {} · {:4.1} of {:.0} s of motion", self.robot, frame.motion_s, frame.total_s));
-        out.push(format!("the controller uses {model}"));
+        out.push(format!("the controller uses the {} model", frame.acting.name()));
         out.push(String::new());
         if frame.acting != Acting::Patched {
             self.draw_errors(frame, columns, &mut out);

@@ -9,24 +9,15 @@ use std::fmt::{self, Write as _};
 
 /// Everything the demonstration promises, and whether it held.
 pub(crate) struct Table<'a> {
-    robot: &'a Robot,
-    reference: &'a Reference,
+    pub(crate) robot: &'a Robot,
+    pub(crate) reference: &'a Reference,
     /// Of the run on the robot file and on identified parameters.
-    first: &'a Received,
+    pub(crate) first: &'a Received,
     /// Of the run on the patched model; none where nothing was patched.
-    adopted: Option<&'a Received>,
+    pub(crate) adopted: Option<&'a Received>,
 }
 
-impl<'a> Table<'a> {
-    pub(crate) fn new(
-        robot: &'a Robot,
-        reference: &'a Reference,
-        first: &'a Received,
-        adopted: Option<&'a Received>,
-    ) -> Table<'a> {
-        Table { robot, reference, first, adopted }
-    }
-
+impl Table<'_> {
     /// Torque residual of all joints, each in units of its torque limit \[%\]: with the robot file, identified, patched. A figure
     /// that is missing is not a number.
     fn torque(&self) -> [f64; 3] {
