@@ -99,9 +99,12 @@ impl Output {
                 // Saturating last as well as first: a step may not lead out of the limits.
                 let given = within.clamp(last - step, last + step).clamp(-limit, limit);
                 let chatter = LACKING_SHARE * limit;
+                let lacking = given - within;
                 let turning = friction[j] - self.friction[j];
                 self.friction[j] += turning.clamp(-step, step);
-                let lacking = given - within + (turning - turning.clamp(-step, step));
+                // What friction lacks is left out, as far as the whole torque lacks it.
+                let of_friction = self.friction[j] - friction[j];
+                let lacking = lacking - of_friction.clamp(lacking.min(0.0), lacking.max(0.0));
                 self.lacking[j] += self.weight * (lacking - self.lacking[j]);
                 applied.lacking[j] = self.lacking[j] - self.lacking[j].clamp(-chatter, chatter);
                 let (lacking, before) = (lacking.abs() > chatter, self.held_back[j]);
