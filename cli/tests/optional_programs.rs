@@ -24,7 +24,8 @@ fn names_the_command_that_builds_it() {
     for command in ["ros2", "view"] {
         let output = Command::new(&program).args([command, "robot.toml", "--seconds", "7"]).output().expect("it runs");
         let stderr = String::from_utf8_lossy(&output.stderr);
-        let expected = format!("is not built: cargo build --release -p rivet-{command}, or cargo install --path crates/{command}");
+        let expected =
+            format!("is not built: cargo build --release -p rivet-{command}, or cargo install --path crates/{command}");
         assert!(stderr.contains(&expected), "{stderr}");
         assert_eq!(output.status.code(), Some(70), "{stderr}");
     }
@@ -36,7 +37,8 @@ fn hands_words_and_exit_code_on() {
         let other = folder.path().join(format!("rivet-{command}"));
         std::fs::write(&other, "#!/bin/sh\necho \"$0 $@\"\nexit 65\n").expect("written");
         std::fs::set_permissions(&other, std::fs::Permissions::from_mode(0o755)).expect("set");
-        let output = Command::new(&program).args([command, "robot.toml", "--json", "--help"]).output().expect("it runs");
+        let output =
+            Command::new(&program).args([command, "robot.toml", "--json", "--help"]).output().expect("it runs");
         let expected = format!("{} robot.toml --json --help\n", other.display());
         assert_eq!(String::from_utf8_lossy(&output.stdout), expected);
         assert_eq!(output.status.code(), Some(65));
