@@ -52,7 +52,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let bus = Bus::open(&args.bus.config(&robot.config.bus), &RobotName::new(&robot.config.name)?, "rivet-record")?;
     let mut ports = Ports::open(&bus)?;
     let shutdown = Shutdown::on_signals()?;
-    let about = About::of(&robot, now_ns());
+    let about = About::new(&robot, now_ns());
     let mut derived = Derived::new(&robot, about.to_utc_ns)?;
     let mut recorder = Recorder::start(RecordingFile::create(&args.out, &about)?);
     let mut line = StatusLine::new(!args.json);

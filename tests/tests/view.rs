@@ -316,7 +316,7 @@ fn an_independent_client_gets_everything_and_the_loop_does_not_know_of_it() {
     assert_eq!(got["subprotocol"], "foxglove.sdk.v1");
     assert_eq!((&got["info"]["name"], &got["info"]["capabilities"]), (&"rivet dd2".into(), &serde_json::json!([])));
     let topics = got["channels"].as_array().expect("channels");
-    assert_eq!(topics.len(), 14, "{topics:?}");
+    assert_eq!(topics.len(), 13, "{topics:?}");
     let log = topics.iter().find(|channel| channel["topic"] == "rivet/dd2/log").expect("a log");
     assert_eq!((&log["schemaName"], &log["encoding"]), (&"foxglove.Log".into(), &"json".into()));
     // Joint states: 100 Hz of 1 kHz, each to the bit.

@@ -37,7 +37,7 @@ pub struct ParameterBand {
     pub upper: f64,
     /// Value of the robot file.
     pub nominal: f64,
-    /// Share of the variance that the window removed, 0 to 1.
+    /// What the data of the window say about it, as published.
     pub excitation: f64,
     /// State of the supervision: active, held or unidentified.
     pub state: String,

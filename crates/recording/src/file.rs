@@ -49,7 +49,7 @@ pub struct RecordingFile {
 
 impl About {
     /// What a recording of `robot` is of; `now_ns`: `CLOCK_MONOTONIC` \[ns\].
-    pub fn of(robot: &Robot, now_ns: u64) -> About {
+    pub fn new(robot: &Robot, now_ns: u64) -> About {
         let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         let utc_ns = i64::try_from(since_epoch.as_nanos()).unwrap_or(i64::MAX);
         About {

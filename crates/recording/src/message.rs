@@ -5,6 +5,7 @@ use rivet_ipc_schema::{
     Setpoint, Stamped,
 };
 use schemars::JsonSchema;
+use schemars::generate::SchemaSettings;
 use serde_json::Value;
 
 use crate::bands::ParameterBands;
@@ -212,10 +213,17 @@ fn cut(mut message: Value, joints: usize, parameters: usize) -> Value {
     message
 }
 
-/// The schema of a message, with what [`Content::to_json`] changes: arrays may be shorter, numbers may be null.
+/// The schema of a message, in the part of JSON Schema that Foxglove reads: every field has one type, and no schema refers to another.
+///
+/// Arrays may be shorter than on the bus. A number may be null where it is not finite, which one type cannot state: the
+/// description does.
 fn schema<T: JsonSchema>() -> Value {
-    let mut schema = schemars::schema_for!(T).to_value();
+    let settings = SchemaSettings::draft2020_12().with(|settings| settings.inline_subschemas = true);
+    let mut schema = settings.into_generator().into_root_schema_for::<T>().to_value();
     relax(&mut schema);
+    if let Some(Value::String(text)) = schema.get_mut("description") {
+        text.push_str("\n\nA number that is not finite is null.");
+    }
     schema
 }
 
@@ -223,9 +231,6 @@ fn relax(schema: &mut Value) {
     match schema {
         Value::Object(map) => {
             map.remove("minItems");
-            if map.get("format").is_some_and(|format| format == "double") {
-                map.insert("type".to_owned(), Value::from(vec!["number", "null"]));
-            }
             map.values_mut().for_each(relax);
         }
         Value::Array(entries) => entries.iter_mut().for_each(relax),
@@ -266,6 +271,33 @@ mod tests {
                 let text = schema["properties"][field]["description"].as_str();
                 assert!(text.is_some_and(|text| !text.is_empty()), "{} {field}: {schema}", topic.kind);
             }
+        }
+    }
+
+    /// What the parser of Foxglove's open-source relatives accepts: it refuses a topic whose schema has anything else.
+    fn assert_is_read_by_foxglove(schema: &Value, place: &str) {
+        let kind = schema["type"].as_str().unwrap_or_else(|| panic!("{place}: {schema}"));
+        match kind {
+            "object" => {
+                for (name, field) in schema["properties"].as_object().expect("properties") {
+                    assert_is_read_by_foxglove(field, &format!("{place}.{name}"));
+                }
+            }
+            "array" => assert_is_read_by_foxglove(&schema["items"], &format!("{place}[]")),
+            "boolean" | "string" | "number" | "integer" => {}
+            other => panic!("{place} is {other}"),
+        }
+    }
+
+    #[test]
+    fn every_schema_is_one_that_foxglove_reads() {
+        for topic in &TOPICS {
+            assert_is_read_by_foxglove(&topic.schema(), topic.kind);
+            assert!(
+                topic.schema()["description"].as_str().is_some_and(|text| text.ends_with("is null.")),
+                "{}",
+                topic.kind
+            );
         }
     }
 

@@ -85,8 +85,8 @@ impl States {
 
     pub(crate) fn take_drift(&mut self, names: &[String], drift: &Drift) {
         self.drift = named::<DriftVerdict>(drift.verdict);
-        let left = names.iter().zip(&drift.joint_verdict).filter(|(_, v)| **v == u32::from(DriftVerdict::Left));
-        self.left_joints = left.map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ");
+        let departed = names.iter().zip(&drift.joint_verdict).filter(|(_, v)| **v == u32::from(DriftVerdict::Left));
+        self.left_joints = departed.map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ");
     }
 
     pub(crate) fn take_controller(&mut self, names: &[String], health: &ControllerHealth) {

@@ -12,7 +12,7 @@ use tungstenite::protocol::WebSocketConfig;
 use tungstenite::{Error, Message, WebSocket, accept_hdr_with_config};
 
 use crate::protocol::{self, Request};
-use crate::server::{Mailbox, Shared, lock};
+use crate::shared::{Mailbox, Shared, lock};
 
 /// Time for the handshake.
 const HANDSHAKE: Duration = Duration::from_secs(5);

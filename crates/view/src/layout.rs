@@ -23,16 +23,16 @@ pub fn layout(robot: &str, joints: &[String], parameters: &[(String, &str)]) -> 
     let log = panels.log();
     let motion = panels.motion(joints);
     let split = |direction: &str, first: &Value, second: &Value, percent: u32| json!({"direction": direction, "first": first, "second": second, "splitPercentage": percent});
-    let left = split("column", &friction, &parameters, 50);
+    let left_column = split("column", &friction, &parameters, 50);
     let upper = split("column", &residuals, &motion, 50);
     let lower = split("column", &states, &log, 60);
-    let right = split("column", &upper, &lower, 55);
+    let right_column = split("column", &upper, &lower, 55);
     json!({
         "configById": panels.by_id,
         "globalVariables": {},
         "userNodes": {},
         "playbackConfig": {"speed": 1},
-        "layout": split("row", &left, &right, 50),
+        "layout": split("row", &left_column, &right_column, 50),
     })
 }
 
@@ -80,15 +80,15 @@ impl Panels<'_> {
     fn friction(&mut self, joints: &[String]) -> Value {
         let mut tabs = Vec::new();
         for (j, joint) in joints.iter().enumerate() {
-            let of = |field: &str| self.path("friction-curve", &format!(".joints[{j}].{field}[:]"));
+            let path = |field: &str| self.path("friction-curve", &format!(".joints[{j}].{field}[:]"));
             let paths = [
-                series(&of("torque"), "estimate", 0, 2.0),
-                series(&of("lower"), "- 2 sigma", 0, 0.75),
-                series(&of("upper"), "+ 2 sigma", 0, 0.75),
-                series(&of("nominal"), "robot file", 7, 1.0),
+                series(&path("torque"), "estimate", 0, 2.0),
+                series(&path("lower"), "- 2 sigma", 0, 0.75),
+                series(&path("upper"), "+ 2 sigma", 0, 0.75),
+                series(&path("nominal"), "robot file", 7, 1.0),
             ];
             let config = json!({"paths": paths, "xAxisVal": "currentCustom",
-                                "xAxisPath": {"value": of("speed"), "enabled": true}, "showXAxisLabels": true,
+                                "xAxisPath": {"value": path("speed"), "enabled": true}, "showXAxisLabels": true,
                                 "showYAxisLabels": true, "showLegend": true, "legendDisplay": "floating",
                                 "showPlotValuesInLegend": false, "isSynced": false, "sidebarDimension": 200,
                                 "xAxisLabel": "speed [rad/s, or m/s]", "yAxisLabel": "friction torque [N m, or N]"});
@@ -111,10 +111,10 @@ impl Panels<'_> {
             let mut paths = Vec::new();
             let of_unit = parameters.iter().enumerate().filter(|(_, (_, other))| other == unit);
             for (colour, (i, (name, _))) in of_unit.enumerate() {
-                let of = |field: &str| self.path("parameter-band", &format!(".parameters[{i}].{field}"));
-                paths.push(series(&of("value"), name, colour, 2.0));
-                paths.push(series(&of("lower"), &format!("{name} - 2 sigma"), colour, 0.75));
-                paths.push(series(&of("upper"), &format!("{name} + 2 sigma"), colour, 0.75));
+                let path = |field: &str| self.path("parameter-band", &format!(".parameters[{i}].{field}"));
+                paths.push(series(&path("value"), name, colour, 2.0));
+                paths.push(series(&path("lower"), &format!("{name} - 2 sigma"), colour, 0.75));
+                paths.push(series(&path("upper"), &format!("{name} + 2 sigma"), colour, 0.75));
             }
             let panel = self.plot(&format!("parameters-{}", u + 1), &format!("Parameters [{unit}]"), unit, &paths);
             tabs.push(((*unit).to_owned(), panel));

@@ -9,6 +9,7 @@
 //! | [`layout`] | the layout for a robot |
 //! | [`run`] | joins both with the bus |
 
+mod channel;
 mod client;
 mod error;
 pub mod layout;
@@ -16,9 +17,11 @@ mod options;
 pub mod protocol;
 mod run;
 mod server;
+mod shared;
 mod thinning;
 
+pub use channel::Channel;
 pub use error::Failure;
 pub use options::Options;
 pub use run::run;
-pub use server::{Channel, Server, ServerError};
+pub use server::{Server, ServerError};

@@ -9,7 +9,7 @@ use rivet_recording::{ENCODING, SCHEMA_ENCODING};
 use serde::Deserialize;
 use serde_json::json;
 
-use crate::server::Channel;
+use crate::channel::Channel;
 
 /// Names of the protocol, the preferred one first. For what this server does both are the same.
 pub const SUBPROTOCOLS: [&str; 2] = ["foxglove.sdk.v1", "foxglove.websocket.v1"];

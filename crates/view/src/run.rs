@@ -13,10 +13,11 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::json;
 
+use crate::channel::Channel;
 use crate::error::Failure;
 use crate::layout;
 use crate::options::Options;
-use crate::server::{Channel, Server};
+use crate::server::Server;
 use crate::thinning::Thinning;
 
 /// Time between two looks at the bus: its rings hold a thousand samples.
@@ -56,7 +57,10 @@ struct TopicCounts {
     dropped: u64,
 }
 
-/// Own topic, beside those of a recording.
+/// Place of the counts among the topics: where a recording has the recorder's.
+const COUNTS_PLACE: usize = 7;
+
+/// The topic of this program's counts.
 const fn view_topic() -> Topic {
     rivet_recording::other_topic::<ViewCounts>("view", "rivet.View.v1")
 }
@@ -90,8 +94,9 @@ pub fn run(options: &Options) -> Result<(), Failure> {
         root: options.root.clone().unwrap_or_else(|| robot.config.bus.root.clone()),
     };
     let shutdown = Shutdown::on_signals()?;
-    let about = About::of(&robot, now_ns());
-    let all: Vec<Topic> = TOPICS.into_iter().chain([view_topic()]).collect();
+    let about = About::new(&robot, now_ns());
+    let mut all = TOPICS;
+    all[COUNTS_PLACE] = view_topic();
     let channel = |(place, topic): (usize, &Topic)| Channel {
         topic: topic.full_name(name),
         schema_name: topic.kind.to_owned(),
@@ -249,11 +254,10 @@ impl View<'_> {
     }
 
     fn publish_counts(&mut self, counts: &ViewCounts) {
-        let place = TOPICS.len();
-        self.topics[place].messages += 1;
+        self.topics[COUNTS_PLACE].messages += 1;
         // Numbers and names have a JSON.
         if let Ok(payload) = serde_json::to_vec(counts) {
-            self.server.publish(place, counts.stamp_ns.saturating_add_signed(self.to_utc_ns), &payload);
+            self.server.publish(COUNTS_PLACE, counts.stamp_ns.saturating_add_signed(self.to_utc_ns), &payload);
         }
     }
 
@@ -262,10 +266,9 @@ impl View<'_> {
         let counts = self.counts(now_ns());
         let (_, ever) = self.server.clients();
         if self.options.json {
-            let topics: Vec<&TopicCounts> = counts.topics.iter().filter(|topic| topic.topic != "recorder").collect();
             let value = json!({"robot": name, "address": self.server.address().to_string(), "seconds": seconds,
                                "clients": ever, "refused_connections": self.server.refused(),
-                               "foreign": counts.foreign, "topics": topics});
+                               "foreign": counts.foreign, "topics": counts.topics});
             let text = serde_json::to_string_pretty(&value).unwrap_or_default() + "\n";
             // A pipe that is gone changes nothing here.
             let _ = std::io::stdout().write_all(rivet_files::printable_json(text).as_bytes());
@@ -310,4 +313,15 @@ fn totals(counts: &ViewCounts) -> String {
 fn status(robot: &str, is_running: bool, counts: &ViewCounts) -> String {
     let robot = if is_running { String::new() } else { format!("waiting for joint states of {robot}; ") };
     format!("{robot}{} clients, {}; Ctrl-C ends", counts.clients, totals(counts))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_counts_take_the_place_of_the_recorder() {
+        assert_eq!(TOPICS[COUNTS_PLACE].name, "recorder");
+        assert_eq!(Content::from(Counts::default()).place(), COUNTS_PLACE);
+    }
 }
