@@ -107,10 +107,10 @@ impl Derived {
     pub fn turn(&mut self, now_ns: u64, give: &mut impl FnMut(Received)) {
         let is_silent = |heard: Option<u64>| heard.is_some_and(|at| now_ns.saturating_sub(at) > self.silence_ns);
         if is_silent(self.health_ns) {
-            self.states.daemon = SILENT.to_owned();
+            SILENT.clone_into(&mut self.states.daemon);
         }
         if is_silent(self.controller_ns) {
-            self.states.controller = SILENT.to_owned();
+            SILENT.clone_into(&mut self.states.controller);
         }
         self.events.take_states(&self.states);
         let mut give = |content| give(Received { at_ns: now_ns, content });
