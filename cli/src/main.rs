@@ -26,6 +26,7 @@ mod monitor;
 mod new;
 mod number;
 mod online;
+mod optional_program;
 mod outputs;
 mod predict;
 mod record;
@@ -36,6 +37,7 @@ mod stream;
 mod study;
 mod summary;
 mod table;
+mod view;
 
 use clap::{CommandFactory as _, Parser, Subcommand};
 use std::process::ExitCode;
@@ -85,6 +87,8 @@ enum Command {
     Control(control::Args),
     /// Connect an arm that speaks ROS 2 to rivetd, by DDS; the program rivet-ros2
     Ros2(ros2::Args),
+    /// Show a running robot in Foxglove, over WebSocket; the program rivet-view
+    View(view::Args),
     /// Check this machine for real time, and print what to change
     Doctor(doctor::Args),
     /// Measure what the daemon's loop adds to the wake-up latency of cyclictest
@@ -146,6 +150,7 @@ fn main() -> ExitCode {
         Command::Monitor(args) => monitor::run(args),
         Command::Control(args) => control::run(args),
         Command::Ros2(args) => ros2::run(args),
+        Command::View(args) => view::run(args),
         Command::Doctor(args) => doctor::run(args),
         Command::BenchLoop(args) => bench_loop::run(args),
         Command::Study(args) => study::run(args),

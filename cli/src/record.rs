@@ -2,15 +2,14 @@
 
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
 use rivet_analysis::fault::Fault;
-use rivet_config::Robot;
 use rivet_files::StatusLine;
 use rivet_ipc_schema::{Bus, RobotName};
 use rivet_realtime::{Shutdown, now_ns};
-use rivet_recording::{About, Content, Counts, Ports, Received, Recorder, RecordingFile};
+use rivet_recording::{About, Content, Counts, Derived, Ports, Received, Recorder, RecordingFile};
 use serde_json::json;
 
 use crate::control::OnBus;
@@ -53,7 +52,9 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let bus = Bus::open(&args.bus.config(&robot.config.bus), &RobotName::new(&robot.config.name)?, "rivet-record")?;
     let mut ports = Ports::open(&bus)?;
     let shutdown = Shutdown::on_signals()?;
-    let mut recorder = Recorder::start(RecordingFile::create(&args.out, &about(&robot))?);
+    let about = About::new(&robot, now_ns());
+    let mut derived = Derived::new(&robot, about.to_utc_ns)?;
+    let mut recorder = Recorder::start(RecordingFile::create(&args.out, &about)?);
     let mut line = StatusLine::new(!args.json);
     // Of the joint states: stamps of the first and the last \[ns\].
     let mut span: Option<(u64, u64)> = None;
@@ -66,11 +67,13 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
             if let Content::JointState(state) = &received.content {
                 span = Some((span.map_or(state.stamp_ns, |(first, _)| first), state.stamp_ns));
             }
+            derived.take(&received, &mut |follows| recorder.take(follows));
             recorder.take(received);
         });
         if taken.is_err() {
             break;
         }
+        derived.turn(now_ns(), &mut |follows| recorder.take(follows));
         if counted.elapsed() >= BETWEEN_COUNTS {
             counted = Instant::now();
             let counts = recorder.counts(now_ns(), ports.foreign());
@@ -95,19 +98,6 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         bail!("no joint state of {} came on this bus; the recording has what else there was", robot.config.name);
     }
     Ok(ExitCode::SUCCESS)
-}
-
-fn about(robot: &Robot) -> About {
-    let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    let utc_ns = i64::try_from(since_epoch.as_nanos()).unwrap_or(i64::MAX);
-    About {
-        robot: robot.config.name.clone(),
-        joints: robot.model.arm.joints.iter().map(|joint| joint.name.clone()).collect(),
-        parameters: (0..robot.base.len()).map(|i| robot.base.name(&robot.model, i)).collect(),
-        model_hash: robot.hash,
-        sample_period_s: robot.config.sample_period_s,
-        to_utc_ns: utc_ns.saturating_sub_unsigned(now_ns()),
-    }
 }
 
 /// Length, size, and what was recorded of each service.

@@ -1,13 +1,13 @@
 //! `rivet ros2`: becomes the program `rivet-ros2` beside this one. It is built apart, since it brings DDS.
 
 use std::ffi::OsString;
-use std::os::unix::process::CommandExt as _;
-use std::process::{Command, ExitCode};
+use std::process::ExitCode;
 
-use anyhow::{Context as _, Result, bail};
+use anyhow::Result;
 
-/// Name of the program.
-const PROGRAM: &str = "rivet-ros2";
+use crate::optional_program::OptionalProgram;
+
+const PROGRAM: OptionalProgram = OptionalProgram { name: "rivet-ros2", folder: "crates/ros2" };
 
 /// Arguments of `rivet ros2`: all of them are the program's.
 #[derive(clap::Args)]
@@ -19,15 +19,5 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
-    let this = std::env::current_exe().context("cannot find this program's own file")?;
-    let program = this.with_file_name(PROGRAM);
-    if !program.exists() {
-        bail!(
-            "{} is not built: cargo build --release -p {PROGRAM}, or cargo install --path crates/ros2, puts it there",
-            program.display()
-        );
-    }
-    // It takes this process's place: signals and the exit code are its own.
-    let why = Command::new(&program).args(&args.words).exec();
-    Err(why).with_context(|| format!("cannot start {}", program.display()))
+    PROGRAM.run(&args.words)
 }

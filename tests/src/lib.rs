@@ -47,24 +47,32 @@ pub fn shared(path: &str) -> Option<PathBuf> {
 /// program, so it is built on first use unless the run has built it: other packages' features would build most of it once more.
 pub fn rivet() -> Command {
     static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
-    let program = PROGRAM.get_or_init(|| {
-        let this = std::env::current_exe().expect("a running test has a file");
-        // target/<profile>/deps/<test>
-        let folder = this.ancestors().nth(2).expect("tests lie in target/<profile>/deps").to_owned();
-        let program = folder.join("rivet");
-        if is_newer_than_its_sources(&program) {
-            return program;
-        }
-        let mut build = Command::new(env!("CARGO"));
-        build.args(["build", "--quiet", "--package", "rivet"]).current_dir(root());
-        build.arg("--target-dir").arg(folder.parent().expect("profiles lie in the target folder"));
-        if !cfg!(debug_assertions) {
-            build.arg("--release");
-        }
-        assert!(build.status().expect("cargo runs").success(), "the rivet program builds");
-        program
-    });
-    Command::new(program)
+    Command::new(PROGRAM.get_or_init(|| built("rivet")))
+}
+
+/// The optional program `rivet-view`, likewise.
+pub fn rivet_view() -> Command {
+    static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
+    Command::new(PROGRAM.get_or_init(|| built("rivet-view")))
+}
+
+/// The program of a package of the same name.
+fn built(package: &str) -> PathBuf {
+    let this = std::env::current_exe().expect("a running test has a file");
+    // target/<profile>/deps/<test>
+    let folder = this.ancestors().nth(2).expect("tests lie in target/<profile>/deps").to_owned();
+    let program = folder.join(package);
+    if is_newer_than_its_sources(&program) {
+        return program;
+    }
+    let mut build = Command::new(env!("CARGO"));
+    build.args(["build", "--quiet", "--package", package]).current_dir(root());
+    build.arg("--target-dir").arg(folder.parent().expect("profiles lie in the target folder"));
+    if !cfg!(debug_assertions) {
+        build.arg("--release");
+    }
+    assert!(build.status().expect("cargo runs").success(), "{package} builds");
+    program
 }
 
 /// Whether a program was built after every file of the workspace that it may have been made of. (Cargo writes down which ones those were

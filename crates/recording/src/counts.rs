@@ -33,19 +33,19 @@ const LATE: u64 = 64;
 
 /// Counts messages as they come.
 #[derive(Clone, Debug)]
-pub(crate) struct Counter {
+pub struct Counter {
     services: Vec<(ServiceCounts, Option<u64>)>,
 }
 
 impl Counter {
     /// Counts messages of these services.
-    pub(crate) fn new(services: impl Iterator<Item = &'static str>) -> Counter {
+    pub fn new(services: impl Iterator<Item = &'static str>) -> Counter {
         let service = |name: &str| (ServiceCounts { service: name.to_owned(), ..ServiceCounts::default() }, None);
         Counter { services: services.map(service).collect() }
     }
 
-    /// Counts a message that has come; `is_kept`: whether there was room for it.
-    pub(crate) fn count(&mut self, place: usize, number: Option<u64>, is_kept: bool) {
+    /// Counts a message of service `place` that has come; `is_kept`: whether there was room for it.
+    pub fn count(&mut self, place: usize, number: Option<u64>, is_kept: bool) {
         let Some((counts, last)) = self.services.get_mut(place) else { return };
         if is_kept {
             counts.messages += 1;
@@ -66,7 +66,8 @@ impl Counter {
         *last = Some(number);
     }
 
-    pub(crate) fn counts(&self, stamp_ns: u64, foreign: u64) -> Counts {
+    /// What was counted; `stamp_ns`: `CLOCK_MONOTONIC` \[ns\], `foreign`: messages of other publishers.
+    pub fn counts(&self, stamp_ns: u64, foreign: u64) -> Counts {
         Counts { stamp_ns, foreign, services: self.services.iter().map(|(counts, _)| counts.clone()).collect() }
     }
 }

@@ -4,20 +4,19 @@ use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
+use std::time::{SystemTime, UNIX_EPOCH};
 
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{Compression, McapError, WriteOptions, Writer};
+use rivet_config::Robot;
 use rivet_ipc_schema::ENUMERATIONS;
 use serde_json::json;
 
 use crate::error::RecordingError;
-use crate::message::{Received, TOPICS};
+use crate::message::{ENCODING, Received, SCHEMA_ENCODING, TOPICS};
 
 /// Bytes of a chunk before compression. At 1 kHz a chunk ends by time before it has as many.
 const CHUNK_BYTES: u64 = 1 << 20;
-/// Encoding of messages and of schemas, as MCAP's registry names them.
-const ENCODING: &str = "json";
-const SCHEMA_ENCODING: &str = "jsonschema";
 /// Name of the records that describe the robot and the numbers of enumerations.
 const ROBOT: &str = "rivet robot";
 const NUMBERS: &str = "rivet enumerations";
@@ -46,6 +45,22 @@ pub struct RecordingFile {
     channels: Vec<u16>,
     joints: usize,
     to_utc_ns: i64,
+}
+
+impl About {
+    /// What a recording of `robot` is of; `now_ns`: `CLOCK_MONOTONIC` \[ns\].
+    pub fn new(robot: &Robot, now_ns: u64) -> About {
+        let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        let utc_ns = i64::try_from(since_epoch.as_nanos()).unwrap_or(i64::MAX);
+        About {
+            robot: robot.config.name.clone(),
+            joints: robot.model.arm.joints.iter().map(|joint| joint.name.clone()).collect(),
+            parameters: (0..robot.base.len()).map(|i| robot.base.name(&robot.model, i)).collect(),
+            model_hash: robot.hash,
+            sample_period_s: robot.config.sample_period_s,
+            to_utc_ns: utc_ns.saturating_sub_unsigned(now_ns),
+        }
+    }
 }
 
 impl RecordingFile {
@@ -79,9 +94,9 @@ impl RecordingFile {
 
     fn describe(&mut self, about: &About) -> Result<(), McapError> {
         for topic in TOPICS {
-            let text = (topic.schema)().to_string();
+            let text = topic.schema().to_string();
             let schema = self.writer.add_schema(topic.kind, SCHEMA_ENCODING, text.as_bytes())?;
-            let name = format!("rivet/{}/{}", about.robot, topic.name);
+            let name = topic.full_name(&about.robot);
             self.channels.push(self.writer.add_channel(schema, &name, ENCODING, &BTreeMap::new())?);
         }
         let robot = [

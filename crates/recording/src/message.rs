@@ -5,9 +5,20 @@ use rivet_ipc_schema::{
     Setpoint, Stamped,
 };
 use schemars::JsonSchema;
+use schemars::generate::SchemaSettings;
 use serde_json::Value;
 
+use crate::bands::ParameterBands;
 use crate::counts::Counts;
+use crate::events::LogLine;
+use crate::friction::FrictionCurves;
+use crate::residuals::Residual;
+use crate::states::States;
+
+/// Encoding of messages, as MCAP's registry and Foxglove's protocol name them.
+pub const ENCODING: &str = "json";
+/// The same of schemas.
+pub const SCHEMA_ENCODING: &str = "jsonschema";
 
 /// A message, and when it was taken from the bus.
 #[derive(Clone, Debug)]
@@ -37,25 +48,52 @@ pub enum Content {
     ControllerHealth(Box<ControllerHealth>),
     /// What was recorded so far, and what was lost.
     Counts(Box<Counts>),
+    /// Measured against predicted torque.
+    Residual(Box<Residual>),
+    /// Friction of each joint over its speed.
+    FrictionCurves(Box<FrictionCurves>),
+    /// Parameters by name, with bands.
+    ParameterBands(Box<ParameterBands>),
+    /// States of daemon and controller in words.
+    States(Box<States>),
+    /// A line of the log, and its stamp, `CLOCK_MONOTONIC` \[ns\].
+    LogLine(Box<LogLine>, u64),
 }
 
 /// A topic of a recording.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Topic {
+pub struct Topic {
     /// Last part of its name.
-    pub(crate) name: &'static str,
+    pub name: &'static str,
     /// Name of its schema: that of the message on the bus.
-    pub(crate) kind: &'static str,
+    pub kind: &'static str,
     /// Schema of its messages.
     pub(crate) schema: fn() -> Value,
+}
+
+impl Topic {
+    /// Full name of the topic of a robot: `rivet/ur10e/joint-state`.
+    pub fn full_name(&self, robot: &str) -> String {
+        format!("rivet/{robot}/{}", self.name)
+    }
+
+    /// JSON Schema of its messages.
+    pub fn schema(&self) -> Value {
+        (self.schema)()
+    }
+}
+
+/// A topic that is no message of the bus.
+pub const fn other_topic<T: JsonSchema>(name: &'static str, kind: &'static str) -> Topic {
+    Topic { name, kind, schema: schema::<T> }
 }
 
 const fn topic<T: Message + JsonSchema>(service: Service) -> Topic {
     Topic { name: service.as_str(), kind: T::TYPE_NAME, schema: schema::<T> }
 }
 
-/// All topics, in the order of [`Content::place`].
-pub(crate) const TOPICS: [Topic; 8] = [
+/// All topics, in the order of [`Content::place`]: services of the bus, the recorder's own, and what follows from them.
+pub const TOPICS: [Topic; 13] = [
     topic::<JointState>(Service::JointState),
     topic::<Setpoint>(Service::Setpoint),
     topic::<LinkState>(Service::LinkState),
@@ -63,12 +101,21 @@ pub(crate) const TOPICS: [Topic; 8] = [
     topic::<Health>(Service::Health),
     topic::<Drift>(Service::Drift),
     topic::<ControllerHealth>(Service::ControllerHealth),
-    Topic { name: "recorder", kind: "rivet.Recorder.v1", schema: schema::<Counts> },
+    other_topic::<Counts>("recorder", "rivet.Recorder.v1"),
+    other_topic::<Residual>("residual", "rivet.Residual.v1"),
+    other_topic::<FrictionCurves>("friction-curve", "rivet.FrictionCurves.v1"),
+    other_topic::<ParameterBands>("parameter-band", "rivet.ParameterBands.v1"),
+    other_topic::<States>("state", "rivet.States.v1"),
+    // The panel for logs knows its messages by this name.
+    other_topic::<LogLine>("log", "foxglove.Log"),
 ];
 
-/// Services whose messages are recorded, in the order of [`Content::place`]. The last topic is that of the counts.
-pub(crate) fn services() -> impl Iterator<Item = &'static str> {
-    TOPICS[..TOPICS.len() - 1].iter().map(|topic| topic.name)
+/// Topics that are services of the bus: the first so many.
+const SERVICES: usize = 7;
+
+/// Services whose messages are recorded, in the order of [`Content::place`].
+pub fn services() -> impl Iterator<Item = &'static str> {
+    TOPICS[..SERVICES].iter().map(|topic| topic.name)
 }
 
 impl From<Counts> for Content {
@@ -79,7 +126,7 @@ impl From<Counts> for Content {
 
 impl Content {
     /// Its topic, as a place in [`TOPICS`].
-    pub(crate) fn place(&self) -> usize {
+    pub fn place(&self) -> usize {
         match self {
             Content::JointState(_) => 0,
             Content::Setpoint(_) => 1,
@@ -89,11 +136,16 @@ impl Content {
             Content::Drift(_) => 5,
             Content::ControllerHealth(_) => 6,
             Content::Counts(_) => 7,
+            Content::Residual(_) => 8,
+            Content::FrictionCurves(_) => 9,
+            Content::ParameterBands(_) => 10,
+            Content::States(_) => 11,
+            Content::LogLine(..) => 12,
         }
     }
 
     /// Its stamp, `CLOCK_MONOTONIC` \[ns\].
-    pub(crate) fn stamp_ns(&self) -> u64 {
+    pub fn stamp_ns(&self) -> u64 {
         match self {
             Content::JointState(message) => message.stamp_ns(),
             Content::Setpoint(message) => message.stamp_ns(),
@@ -103,11 +155,16 @@ impl Content {
             Content::Drift(message) => message.stamp_ns,
             Content::ControllerHealth(message) => message.stamp_ns(),
             Content::Counts(counts) => counts.stamp_ns,
+            Content::Residual(message) => message.stamp_ns,
+            Content::FrictionCurves(message) => message.stamp_ns,
+            Content::ParameterBands(message) => message.stamp_ns,
+            Content::States(message) => message.stamp_ns,
+            Content::LogLine(_, stamp_ns) => *stamp_ns,
         }
     }
 
     /// Its number in its service, which grows by one from message to message; none where the service has no such number.
-    pub(crate) fn number(&self) -> Option<u64> {
+    pub fn number(&self) -> Option<u64> {
         match self {
             Content::JointState(message) => Some(message.seq),
             Content::Setpoint(message) => Some(message.seq),
@@ -118,7 +175,10 @@ impl Content {
     }
 
     /// The message as JSON. Arrays end with the last joint of `joints`, or the last parameter. NaN and infinity are null.
-    pub(crate) fn to_json(&self, joints: usize) -> serde_json::Result<Vec<u8>> {
+    ///
+    /// # Errors
+    /// The library's.
+    pub fn to_json(&self, joints: usize) -> serde_json::Result<Vec<u8>> {
         let usual = |value: Value| cut(value, joints, MAX_PARAMETERS);
         let value = match self {
             Content::JointState(message) => cut(serde_json::to_value(message)?, message.count(), MAX_PARAMETERS),
@@ -129,6 +189,11 @@ impl Content {
             Content::Drift(message) => usual(serde_json::to_value(message)?),
             Content::ControllerHealth(message) => usual(serde_json::to_value(message)?),
             Content::Counts(counts) => serde_json::to_value(counts)?,
+            Content::Residual(message) => return serde_json::to_vec(message),
+            Content::FrictionCurves(message) => return serde_json::to_vec(message),
+            Content::ParameterBands(message) => return serde_json::to_vec(message),
+            Content::States(message) => return serde_json::to_vec(message),
+            Content::LogLine(message, _) => return serde_json::to_vec(message),
         };
         serde_json::to_vec(&value)
     }
@@ -148,10 +213,17 @@ fn cut(mut message: Value, joints: usize, parameters: usize) -> Value {
     message
 }
 
-/// The schema of a message, with what [`Content::to_json`] changes: arrays may be shorter, numbers may be null.
+/// The schema of a message, in the part of JSON Schema that Foxglove reads: every field has one type, and no schema refers to another.
+///
+/// Arrays may be shorter than on the bus. A number may be null where it is not finite, which one type cannot state: the
+/// description does.
 fn schema<T: JsonSchema>() -> Value {
-    let mut schema = schemars::schema_for!(T).to_value();
+    let settings = SchemaSettings::draft2020_12().with(|settings| settings.inline_subschemas = true);
+    let mut schema = settings.into_generator().into_root_schema_for::<T>().to_value();
     relax(&mut schema);
+    if let Some(Value::String(text)) = schema.get_mut("description") {
+        text.push_str("\n\nA number that is not finite is null.");
+    }
     schema
 }
 
@@ -159,9 +231,6 @@ fn relax(schema: &mut Value) {
     match schema {
         Value::Object(map) => {
             map.remove("minItems");
-            if map.get("format").is_some_and(|format| format == "double") {
-                map.insert("type".to_owned(), Value::from(vec!["number", "null"]));
-            }
             map.values_mut().for_each(relax);
         }
         Value::Array(entries) => entries.iter_mut().for_each(relax),
@@ -185,7 +254,13 @@ mod tests {
             Content::Drift(Box::new(Drift::EMPTY)),
             Content::ControllerHealth(Box::new(ControllerHealth::EMPTY)),
             Content::Counts(Box::default()),
+            Content::Residual(Box::default()),
+            Content::FrictionCurves(Box::default()),
+            Content::ParameterBands(Box::default()),
+            Content::States(Box::default()),
+            Content::LogLine(Box::default(), 0),
         ];
+        assert_eq!(contents.iter().map(Content::place).collect::<Vec<_>>(), (0..TOPICS.len()).collect::<Vec<_>>());
         for (content, topic) in contents.iter().zip(&TOPICS) {
             let message: Value = serde_json::from_slice(&content.to_json(2).expect("JSON")).expect("JSON");
             let schema = (topic.schema)();
@@ -196,6 +271,33 @@ mod tests {
                 let text = schema["properties"][field]["description"].as_str();
                 assert!(text.is_some_and(|text| !text.is_empty()), "{} {field}: {schema}", topic.kind);
             }
+        }
+    }
+
+    /// What the parser of Foxglove's open-source relatives accepts: it refuses a topic whose schema has anything else.
+    fn assert_is_read_by_foxglove(schema: &Value, place: &str) {
+        let kind = schema["type"].as_str().unwrap_or_else(|| panic!("{place}: {schema}"));
+        match kind {
+            "object" => {
+                for (name, field) in schema["properties"].as_object().expect("properties") {
+                    assert_is_read_by_foxglove(field, &format!("{place}.{name}"));
+                }
+            }
+            "array" => assert_is_read_by_foxglove(&schema["items"], &format!("{place}[]")),
+            "boolean" | "string" | "number" | "integer" => {}
+            other => panic!("{place} is {other}"),
+        }
+    }
+
+    #[test]
+    fn every_schema_is_one_that_foxglove_reads() {
+        for topic in &TOPICS {
+            assert_is_read_by_foxglove(&topic.schema(), topic.kind);
+            assert!(
+                topic.schema()["description"].as_str().is_some_and(|text| text.ends_with("is null.")),
+                "{}",
+                topic.kind
+            );
         }
     }
 

@@ -1,0 +1,34 @@
+//! Programs beside this one that are built apart: their command becomes the program.
+
+use std::ffi::OsString;
+use std::os::unix::process::CommandExt as _;
+use std::process::{Command, ExitCode};
+
+use anyhow::{Context as _, Result, bail};
+
+/// A program that is built apart.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct OptionalProgram {
+    /// Its name, and that of its package.
+    pub(crate) name: &'static str,
+    /// The folder of its package below the workspace.
+    pub(crate) folder: &'static str,
+}
+
+impl OptionalProgram {
+    /// Replaces this process by the program of the same folder; returns only where that cannot be.
+    pub(crate) fn run(self, words: &[OsString]) -> Result<ExitCode> {
+        let OptionalProgram { name, folder } = self;
+        let this = std::env::current_exe().context("cannot find this program's own file")?;
+        let program = this.with_file_name(name);
+        if !program.exists() {
+            bail!(
+                "{} is not built: cargo build --release -p {name}, or cargo install --path {folder}, puts it there",
+                program.display()
+            );
+        }
+        // It takes this process's place: signals and the exit code are its own.
+        let why = Command::new(&program).args(words).exec();
+        Err(why).with_context(|| format!("cannot start {}", program.display()))
+    }
+}
