@@ -2,7 +2,6 @@
 //! patched model, and a table at the end.
 
 mod hidden;
-mod reference;
 mod screen;
 mod table;
 mod tracking;
@@ -11,8 +10,8 @@ use crate::children::Children;
 use crate::table::show;
 use anyhow::{Context, Result, bail};
 use hidden::Hidden;
-use reference::Reference;
 use rivet_analysis::fault::Fault;
+use rivet_analysis::true_values::Reference;
 use rivet_config::Robot;
 use rivet_files::Draft;
 use rivet_ipc_schema::{Bus, BusConfig, Health, JointState, Parameters, PrivateBus, RobotName, Setpoint, Subscriber};

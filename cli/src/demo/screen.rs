@@ -1,10 +1,10 @@
 //! The live screen: redrawn in place on a terminal, a line now and then elsewhere.
 
 use super::Acting;
-use super::reference::GROUPS;
 use super::tracking::Tracking;
 use crate::table::{show, show_picture};
 use ratatui::crossterm::terminal;
+use rivet_analysis::true_values::GROUPS;
 use rivet_config::Robot;
 use rivet_ipc_schema::Health;
 use rivet_realtime::LogHistogram;

@@ -1,7 +1,7 @@
 //! The table at the end: what was identified, and what it was good for.
 
 use super::Received;
-use super::reference::{GROUPS, Reference};
+use rivet_analysis::true_values::{GROUPS, Reference};
 use rivet_config::Robot;
 use rivet_dynamics::ParameterGroup;
 use rivet_ipc_schema::{Health, ParameterState};

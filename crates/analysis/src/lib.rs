@@ -53,3 +53,4 @@ pub mod session;
 pub mod sound;
 mod stairs;
 pub mod table;
+pub mod true_values;

@@ -1,10 +1,10 @@
-//! How wrong a parameter set is, in torque.
+//! How wrong a parameter set is, in torque, where the true values are known.
 
 use rivet_config::Robot;
 use rivet_dynamics::{ParameterGroup, Workspace};
 
 /// Groups in the order they are shown.
-pub(crate) const GROUPS: [(ParameterGroup, &str); 5] = [
+pub const GROUPS: [(ParameterGroup, &str); 5] = [
     (ParameterGroup::Inertial, "link inertia"),
     (ParameterGroup::RotorInertia, "rotor inertia"),
     (ParameterGroup::Friction, "friction"),
@@ -13,9 +13,10 @@ pub(crate) const GROUPS: [(ParameterGroup, &str); 5] = [
 ];
 
 /// Weighs parameter errors by the torque they cause over typical motion.
-pub(crate) struct Reference {
-    /// True base parameters.
-    pub(crate) truth: Vec<f64>,
+#[derive(Clone, Debug)]
+pub struct Reference {
+    /// True base parameters, in the order of the robot's base set.
+    pub truth: Vec<f64>,
     /// Members of each group of [`GROUPS`].
     members: Vec<Vec<usize>>,
     /// Rows of the regressor over the reference motion, each divided by its joint's torque limit.
@@ -26,7 +27,9 @@ pub(crate) struct Reference {
 const STATES: usize = 64;
 
 impl Reference {
-    pub(crate) fn new(robot: &Robot, truth: Vec<f64>) -> Reference {
+    /// `truth`: true base parameters of `robot`.
+    #[must_use]
+    pub fn new(robot: &Robot, truth: Vec<f64>) -> Reference {
         let (model, base) = (&robot.model, &robot.base);
         let members_of = |group| (0..base.len()).filter(|&i| base.parameter(model, i).group() == group).collect();
         let members: Vec<Vec<usize>> = GROUPS.iter().map(|(group, _)| members_of(*group)).collect();
@@ -58,7 +61,8 @@ impl Reference {
 
     /// Torque error that the errors of each group cause by themselves, rms over the reference motion, in percent of the
     /// torque limits; then that of all together.
-    pub(crate) fn errors(&self, x: &[f64]) -> Vec<f64> {
+    #[must_use]
+    pub fn errors(&self, x: &[f64]) -> Vec<f64> {
         let mut errors: Vec<f64> = self.members.iter().map(|members| self.rms(x, members)).collect();
         let all: Vec<usize> = (0..self.truth.len()).collect();
         errors.push(self.rms(x, &all));
@@ -66,7 +70,8 @@ impl Reference {
     }
 
     /// Whether the model has any parameter of group `g`.
-    pub(crate) fn has(&self, g: usize) -> bool {
+    #[must_use]
+    pub fn has(&self, g: usize) -> bool {
         !self.members[g].is_empty()
     }
 
