@@ -1,12 +1,15 @@
 //! The drives of an arm as one: enabled together, stopped together, in joint quantities.
 
 use crate::bus::Bus;
-use crate::drive::{ENABLE_OPERATION, Inputs, Outputs, SHUTDOWN, State, fault_bits};
+use crate::drive::{ENABLE_OPERATION, Inputs, Outputs, Received, SHUTDOWN, Sent, State, fault_bits};
 use crate::scaling::{Encoder, Table};
 use rivet::Sample;
 
 /// Cycles that drives may take to be enabled.
 const MAX_ENABLING_CYCLES: u32 = 5000;
+
+/// Joints of a sample.
+const MAX_JOINTS: usize = 8;
 
 /// All drives of an arm, by a scaling table.
 pub(crate) struct Arm<B> {
@@ -27,7 +30,7 @@ impl<B: Bus> Arm<B> {
         let mut outputs = vec![Outputs { mode: table.mode, ..Outputs::default() }; table.joints.len()];
         for _ in 0..MAX_ENABLING_CYCLES {
             wait();
-            if !bus.exchange(&outputs, &mut inputs) {
+            if !exchange(&mut bus, &outputs, &mut inputs) {
                 continue;
             }
             for (output, input) in outputs.iter_mut().zip(&inputs) {
@@ -48,7 +51,7 @@ impl<B: Bus> Arm<B> {
 
     /// One cycle: sends what was commanded last, returns what the drives have measured; `None` if the frame was lost.
     pub(crate) fn exchange(&mut self) -> Option<Sample> {
-        if !self.bus.exchange(&self.outputs, &mut self.inputs) {
+        if !exchange(&mut self.bus, &self.outputs, &mut self.inputs) {
             return None;
         }
         let mut sample = Sample::default();
@@ -77,6 +80,19 @@ impl<B: Bus> Arm<B> {
     }
 }
 
+/// Exchanges the process data of all drives; `false` if the frame was lost.
+fn exchange(bus: &mut impl Bus, outputs: &[Outputs], inputs: &mut [Inputs]) -> bool {
+    let (mut sent, mut received) = ([Sent::default(); MAX_JOINTS], [Received::default(); MAX_JOINTS]);
+    for (bytes, output) in sent.iter_mut().zip(outputs) {
+        *bytes = output.to_bytes();
+    }
+    let arrived = bus.exchange(&sent[..outputs.len()], &mut received[..inputs.len()]);
+    for (bytes, input) in received.iter().zip(inputs).filter(|_| arrived) {
+        *input = Inputs::from_bytes(bytes);
+    }
+    arrived
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -84,10 +100,12 @@ mod tests {
     use crate::scaling::read;
     use std::path::Path;
 
+    fn table() -> Table {
+        read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/ethercat/arm.toml")).expect("a table")
+    }
+
     fn arm() -> Arm<SimulatedBus> {
-        let table = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/ethercat/arm.toml");
-        let table = read(&table).expect("a table");
-        Arm::enable(SimulatedBus::new(&[0]).expect("a bus"), table, || ()).expect("enabled")
+        Arm::enable(SimulatedBus::new(&[0]).expect("a bus"), table(), || ()).expect("enabled")
     }
 
     #[test]
@@ -111,6 +129,20 @@ mod tests {
             arm.command(&[0.0], &[-20.0]);
         }
         assert!(wraps > 0 && arm.bus.position() < -1.0, "{wraps}, {}", arm.bus.position());
+    }
+
+    #[test]
+    fn drive_in_position_mode_follows_the_plan() {
+        let mut table = table();
+        table.mode = crate::drive::POSITION_MODE;
+        let mut arm = Arm::enable(SimulatedBus::new(&[0]).expect("a bus"), table, || ()).expect("enabled");
+        for k in 0..3000 {
+            let sample = arm.exchange().expect("a frame");
+            assert_eq!(sample.faults, 0);
+            arm.command(&[0.5 * (1.0 - (0.002 * f64::from(k)).cos())], &[0.0]);
+        }
+        let planned = 0.5 * (1.0 - 6.0_f64.cos());
+        assert!((arm.bus.position() - planned).abs() < 0.1, "{} of {planned}", arm.bus.position());
     }
 
     #[test]

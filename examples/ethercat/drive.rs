@@ -10,6 +10,10 @@ pub(crate) const TORQUE_MODE: i8 = 10;
 pub(crate) const ENABLE_OPERATION: u16 = 0x0F;
 pub(crate) const SHUTDOWN: u16 = 0x06;
 
+/// Process data of one drive: what it sends and what it receives in a cycle.
+pub(crate) type Received = [u8; 17];
+pub(crate) type Sent = [u8; 9];
+
 /// What a drive sends in a cycle (TxPDO), little-endian in this order.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Inputs {
@@ -42,7 +46,7 @@ pub(crate) struct Outputs {
 
 impl Inputs {
     /// From the process data of one drive.
-    pub(crate) fn from_bytes(b: &[u8; 17]) -> Inputs {
+    pub(crate) fn from_bytes(b: &Received) -> Inputs {
         let long = |i: usize| i32::from_le_bytes([b[i], b[i + 1], b[i + 2], b[i + 3]]);
         Inputs {
             status: u16::from_le_bytes([b[0], b[1]]),
@@ -57,7 +61,7 @@ impl Inputs {
 
 impl Outputs {
     /// To the process data of one drive.
-    pub(crate) fn to_bytes(self) -> [u8; 9] {
+    pub(crate) fn to_bytes(self) -> Sent {
         let ([c0, c1], [p0, p1, p2, p3]) = (self.control.to_le_bytes(), self.position.to_le_bytes());
         let ([t0, t1], [mode]) = (self.torque.to_le_bytes(), self.mode.to_le_bytes());
         [c0, c1, mode, p0, p1, p2, p3, t0, t1]

@@ -40,7 +40,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     let target = build(source)?;
     install(source, &target, &tree, Path::new("/usr"))?;
     strip(&tree)?;
-    let (from, to) = (Path::new(env!("CARGO_MANIFEST_DIR")).join("debian").join(NEEDRESTART.0), tree.join(NEEDRESTART.1));
+    let (from, to) =
+        (Path::new(env!("CARGO_MANIFEST_DIR")).join("debian").join(NEEDRESTART.0), tree.join(NEEDRESTART.1));
     fs::create_dir_all(to.parent().context("a place has a folder")?).with_context(|| to.display().to_string())?;
     fs::copy(&from, &to).with_context(|| from.display().to_string())?;
     set_mode(&to, 0o644)?;
