@@ -88,7 +88,7 @@ fn prune(bill: &mut Value, crates: &BTreeSet<String>) -> Result<usize> {
     let dependencies = bill["dependencies"].as_array_mut().context("a bill of materials has dependencies")?;
     dependencies.retain(|dependency| references.contains(&word(dependency, "ref")));
     for dependency in dependencies {
-        if let Some(needs) = dependency["dependsOn"].as_array_mut() {
+        if let Some(needs) = dependency.get_mut("dependsOn").and_then(Value::as_array_mut) {
             needs.retain(|reference| reference.as_str().is_some_and(|reference| references.contains(reference)));
         }
     }
