@@ -33,7 +33,7 @@ mod status;
 
 pub use abi::RIVET_ABI;
 pub use clock::now_ns;
-pub use rivet_ipc_schema::{BusConfig, Command, ControllerHealth, Health, Parameters};
+pub use rivet_ipc_schema::{BusConfig, Command, ControllerHealth, Health, Parameters, faults};
 pub use robot::{Counters, OpenError, QUEUE, Robot};
 pub use sample::{Sample, sample_flags};
 pub use status::Status;

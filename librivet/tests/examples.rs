@@ -97,6 +97,14 @@ fn robot_in_rust_loses_no_sample_and_is_identified() {
     drives("rust", |_| Command::new(&example));
 }
 
+/// Drives of CiA 402 on a simulated bus: what rivet sees went through their increments and per mille.
+#[test]
+fn robot_of_ethercat_drives_loses_no_sample_and_is_identified() {
+    let mut example = Command::new(common::profile_folder().join("examples/ethercat"));
+    example.arg(common::root().join("examples/ethercat/arm.toml"));
+    drives("ethercat", |_| example);
+}
+
 /// The tables of two subscribers, while a robot moves.
 #[test]
 fn subscribers_print_the_parameters() {

@@ -9,16 +9,16 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Programs of the workspace that are installed, the package and the profile that each is built from.
-const PROGRAMS: [(&str, &str, &str); 4] = [
+pub(crate) const PROGRAMS: [(&str, &str, &str); 4] = [
     ("rivet", "rivet", "release"),
     ("rivetd", "rivet-daemon", "service"),
     ("rivet-controller", "rivet-controller", "service"),
     ("rivet-sim", "rivet-simulation", "release"),
 ];
 /// The package of the library for robot controllers. It is built with the profile `release`: it catches panics.
-const LIBRARY: &str = "librivet";
+pub(crate) const LIBRARY: &str = "librivet";
 /// The shared library's file: its soname.
-const SHARED_LIBRARY: &str = "librivet.so.1";
+pub(crate) const SHARED_LIBRARY: &str = "librivet.so.1";
 /// What a program that links the static library needs beside it (`rustc --print native-static-libs`).
 const STATIC_NEEDS: &str = "-lgcc_s -lutil -lrt -lpthread -lm -ldl -lc";
 /// Folder beside the programs with man pages and completions, laid out as `share`.
@@ -38,7 +38,7 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args) -> Result<()> {
     ensure!(args.prefix.is_absolute(), "--prefix {}: it must be absolute", args.prefix.display());
-    let source = Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).context("xtask lies in the workspace")?;
+    let source = workspace()?;
     let target = build(source)?;
     let installed = install(source, &target, &args.destdir, &args.prefix)?;
     println!("{installed} files below {}", below(&args.destdir, &args.prefix).display());
@@ -49,8 +49,13 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
+/// Root of the checkout.
+pub(crate) fn workspace() -> Result<&'static Path> {
+    Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().nth(2).context("xtask lies in the workspace")
+}
+
 /// Builds the programs; returns the folder that has one for each profile.
-fn build(source: &Path) -> Result<PathBuf> {
+pub(crate) fn build(source: &Path) -> Result<PathBuf> {
     for profile in ["release", "service"] {
         let mut cargo = Command::new(env!("CARGO"));
         cargo.current_dir(source).args(["build", "--locked", "--profile", profile]);
@@ -76,8 +81,8 @@ fn below(destdir: &Path, path: &Path) -> PathBuf {
     destdir.join(path.strip_prefix("/").unwrap_or(path))
 }
 
-/// `target` has a folder of programs for each profile.
-fn install(source: &Path, target: &Path, destdir: &Path, prefix: &Path) -> Result<usize> {
+/// Puts everything below `destdir`; returns how many files. `target` has a folder of programs for each profile.
+pub(crate) fn install(source: &Path, target: &Path, destdir: &Path, prefix: &Path) -> Result<usize> {
     let to = |inner: &str| below(destdir, &prefix.join(inner));
     let mut files = 0;
     for (program, _, profile) in PROGRAMS {
@@ -103,8 +108,10 @@ fn install(source: &Path, target: &Path, destdir: &Path, prefix: &Path) -> Resul
         ("librivet/include/librivet.hpp", "include/librivet.hpp"),
         ("ipc-schema/python/rivet_ipc.py", "share/rivet/rivet_ipc.py"),
         ("librivet/python/librivet.py", "share/rivet/librivet.py"),
-        ("docs/operating.md", "share/doc/rivet/operating.md"),
-        ("docs/robot-toml.md", "share/doc/rivet/robot-toml.md"),
+        ("README.md", "share/doc/rivet/README.md"),
+        ("CHANGELOG.md", "share/doc/rivet/changelog"),
+        ("LICENSE-MIT", "share/doc/rivet/LICENSE-MIT"),
+        ("LICENSE-APACHE", "share/doc/rivet/LICENSE-APACHE"),
     ] {
         let path = source.join(file);
         let bytes = fs::read(&path).with_context(|| path.display().to_string())?;
@@ -118,7 +125,11 @@ fn install(source: &Path, target: &Path, destdir: &Path, prefix: &Path) -> Resul
             files += put(&to("share/rivet/robots").join(name).join(file), &bytes, 0o644)?;
         }
     }
-    Ok(files + put_all(&target.join(GENERATED), &to("share"))?)
+    files += put_all(&source.join("docs"), &to("share/doc/rivet"))?;
+    files += put_all(&source.join("examples"), &to("share/doc/rivet/examples"))?;
+    files += put_all(&target.join(GENERATED), &to("share"))?;
+    // `rivet daemon` is the same program under another name.
+    Ok(files + put(&to("share/man/man1/rivetd.1"), b".so man1/rivet-daemon.1\n", 0o644)?)
 }
 
 /// Shared and static library, the name that a linker looks for, and the file of pkg-config; `built` has the libraries.
@@ -144,15 +155,15 @@ fn install_library(built: &Path, lib: &Path, prefix: &Path) -> Result<usize> {
     Ok(files + 1 + put(&lib.join("pkgconfig/librivet.pc"), text.as_bytes(), 0o644)?)
 }
 
-/// Puts every file below a folder at the same place below another.
+/// Puts every file below a folder at the same place below another, without what Python has compiled.
 fn put_all(from: &Path, to: &Path) -> Result<usize> {
     let mut files = 0;
-    for path in listed(from)? {
+    for path in listed(from)?.iter().filter(|path| !path.ends_with("__pycache__")) {
         let place = to.join(path.file_name().context("a listed file has a name")?);
         if path.is_dir() {
-            files += put_all(&path, &place)?;
+            files += put_all(path, &place)?;
         } else {
-            let bytes = fs::read(&path).with_context(|| path.display().to_string())?;
+            let bytes = fs::read(path).with_context(|| path.display().to_string())?;
             files += put(&place, &bytes, 0o644)?;
         }
     }
