@@ -229,8 +229,8 @@ class Parameters(_Message):
         ("values", ctypes.c_double * MAX_PARAMETERS),
         # Standard deviation (1 sigma) of each value.
         ("std", ctypes.c_double * MAX_PARAMETERS),
-        # How much the data of the window say about each parameter: share of its variance that was removed, 0
-        # (nothing) to 1 (all).
+        # Information of the window on each parameter, over that from which it moves if it stands alone: below 1
+        # nothing is learnt about it.
         ("excitation", ctypes.c_double * MAX_PARAMETERS),
         # The same parameters by plain recursive least squares, for comparison.
         ("reference", ctypes.c_double * MAX_PARAMETERS),

@@ -37,8 +37,8 @@ pub struct Parameters {
     /// Standard deviation (1 sigma) of each value.
     #[cfg_attr(feature = "json", serde(serialize_with = "crate::json::array"), schemars(with = "Vec<f64>"))]
     pub std: [f64; MAX_PARAMETERS],
-    /// How much the data of the window say about each parameter: share of its variance that was removed,
-    /// 0 (nothing) to 1 (all).
+    /// Information of the window on each parameter, over that from which it moves if it stands alone: below 1 nothing is learnt
+    /// about it.
     #[cfg_attr(feature = "json", serde(serialize_with = "crate::json::array"), schemars(with = "Vec<f64>"))]
     pub excitation: [f64; MAX_PARAMETERS],
     /// The same parameters by plain recursive least squares, for comparison.

@@ -9,11 +9,13 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// Programs of the workspace that are installed, the package and the profile that each is built from.
-pub(crate) const PROGRAMS: [(&str, &str, &str); 4] = [
+pub(crate) const PROGRAMS: [(&str, &str, &str); 6] = [
     ("rivet", "rivet", "release"),
     ("rivetd", "rivet-daemon", "service"),
     ("rivet-controller", "rivet-controller", "service"),
     ("rivet-sim", "rivet-simulation", "release"),
+    ("rivet-ros2", "rivet-ros2", "release"),
+    ("rivet-view", "rivet-view", "release"),
 ];
 /// The package of the library for robot controllers. It is built with the profile `release`: it catches panics.
 pub(crate) const LIBRARY: &str = "librivet";
@@ -108,6 +110,7 @@ pub(crate) fn install(source: &Path, target: &Path, destdir: &Path, prefix: &Pat
         ("librivet/include/librivet.hpp", "include/librivet.hpp"),
         ("ipc-schema/python/rivet_ipc.py", "share/rivet/rivet_ipc.py"),
         ("librivet/python/librivet.py", "share/rivet/librivet.py"),
+        ("crates/view/layouts/rivet.json", "share/rivet/layouts/rivet.json"),
         ("README.md", "share/doc/rivet/README.md"),
         ("CHANGELOG.md", "share/doc/rivet/changelog"),
         ("LICENSE-MIT", "share/doc/rivet/LICENSE-MIT"),

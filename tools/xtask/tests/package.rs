@@ -61,7 +61,7 @@ fn package_holds_what_is_installed_and_starts_nothing() {
     assert_eq!(further.iter().filter(|name| own(name)).collect::<Vec<_>>(), Vec::<&String>::new());
 
     // Programs run, the library is found under its soname, a C program compiles and starts.
-    for program in ["rivet", "rivetd", "rivet-controller", "rivet-sim"] {
+    for program in ["rivet", "rivetd", "rivet-controller", "rivet-sim", "rivet-ros2", "rivet-view"] {
         let version = succeed(Command::new(root.join("usr/bin").join(program)).arg("--version"));
         assert!(version.contains(env!("CARGO_PKG_VERSION")), "{version}");
     }
