@@ -246,8 +246,11 @@ def test_progress_grows_and_its_exception_ends_the_work(arm, run, other):
 
 
 def test_interrupt_ends_the_work(ur10e):
+    # A test run in the background has no SIGINT; a terminal's program has.
     program = f"""
+import signal
 import rivet
+signal.signal(signal.SIGINT, signal.default_int_handler)
 runs = [rivet.simulate({str(ur10e)!r}, 60.0, seed=seed, payload=3.0).log for seed in (5, 6)]
 print("ready", flush=True)
 try:

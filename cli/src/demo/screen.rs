@@ -142,8 +142,12 @@ impl Screen {
         let cell_width = columns.saturating_sub(LABEL_WIDTH) / self.joints.len().max(1);
         let cell_width = cell_width.clamp(CELL_WIDTH.0, CELL_WIDTH.1);
         // One column stays free between two names.
-        let names = self.joints.iter().map(|joint| joint.chars().take(cell_width - 1).collect());
-        out.push(format!("{:<LABEL_WIDTH$}{}", "", cells(names, cell_width)));
+        let mut names: Vec<String> =
+            self.joints.iter().map(|joint| joint.chars().take(cell_width - 1).collect()).collect();
+        if names.iter().enumerate().any(|(j, name)| names[..j].contains(name)) {
+            names = (1..=names.len()).map(|j| format!("joint {j}")).collect();
+        }
+        out.push(format!("{:<LABEL_WIDTH$}{}", "", cells(names.into_iter(), cell_width)));
         if let Some(health) = frame.health {
             let row = |what: &str, values: &[f64]| {
                 let cells = cells(values[..self.joints.len()].iter().map(|v| format!("{v:.3}")), cell_width);

@@ -79,7 +79,18 @@ impl Events {
         };
         // A controller that started anew counts from the beginning.
         let is_later = |before: &Counted| before.stops <= now.stops && before.refused <= now.refused;
-        let before = self.counted.replace(now).filter(is_later);
+        let Some(before) = self.counted.replace(now) else {
+            let plural = if now.stops == 1 { "" } else { "s" };
+            if now.stops > 0 {
+                self.lines.push((
+                    Level::Info,
+                    CONTROLLER,
+                    format!("{} stop{plural} before this log begins", now.stops),
+                ));
+            }
+            return;
+        };
+        let before = Some(before).filter(is_later);
         let [stops, refused, resumed] = before.map_or([0; 3], |before| [before.stops, before.refused, before.resumed]);
         if now.stops > stops {
             for (i, count) in now.causes.iter().enumerate() {
@@ -170,14 +181,17 @@ mod tests {
     fn every_stop_is_reported_once_and_a_new_controller_counts_anew() {
         let names = ["shoulder".to_owned(), "elbow".to_owned()];
         let mut events = Events::new();
-        let mut health = ControllerHealth { stops: 1, stop_cause: 15, stop_joints: 2, ..ControllerHealth::default() };
-        health.stop_causes[15] = 1;
+        let mut health = ControllerHealth { stops: 1, stop_cause: 10, ..ControllerHealth::default() };
+        health.stop_causes[10] = 1;
+        events.take_controller(&names, &health);
+        assert_eq!(said(&mut events), ["2 rivet-controller: 1 stop before this log begins"]);
+        (health.stops, health.stop_causes[15], health.stop_cause, health.stop_joints) = (2, 1, 15, 2);
         events.take_controller(&names, &health);
         assert_eq!(said(&mut events), ["4 rivet-controller: stop: tracking error of elbow"]);
         events.take_controller(&names, &health);
         assert_eq!(said(&mut events), [""; 0]);
         // Two more stops between two reports, of another cause.
-        (health.stops, health.stop_causes[10], health.stop_cause, health.stop_joints) = (3, 2, 10, 0);
+        (health.stops, health.stop_causes[10], health.stop_cause, health.stop_joints) = (4, 3, 10, 0);
         events.take_controller(&names, &health);
         assert_eq!(said(&mut events), ["4 rivet-controller: stop: too fast, 2 times"]);
         let mut fresh = ControllerHealth { stops: 1, stop_cause: 1, ..ControllerHealth::default() };

@@ -80,7 +80,8 @@ impl Residuals {
         if !self.chain.push(&state.q[..self.dof], &state.tau[..self.dof]) {
             return None;
         }
-        if self.last_ns.is_some_and(|last| state.stamp_ns.saturating_sub(last) < LEAST_BETWEEN_NS) {
+        // Stamps that jump back begin a time of their own.
+        if self.last_ns.is_some_and(|last| (last..last.saturating_add(LEAST_BETWEEN_NS)).contains(&state.stamp_ns)) {
             return None;
         }
         self.last_ns = Some(state.stamp_ns);

@@ -6,6 +6,7 @@ use std::sync::atomic::Ordering;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
+use tungstenite::handshake::HandshakeError;
 use tungstenite::handshake::server::{ErrorResponse, Request as HttpRequest, Response};
 use tungstenite::http::{HeaderValue, StatusCode};
 use tungstenite::protocol::WebSocketConfig;
@@ -14,7 +15,7 @@ use tungstenite::{Error, Message, WebSocket, accept_hdr_with_config};
 use crate::protocol::{self, Request};
 use crate::shared::{Mailbox, Shared, lock};
 
-/// Time for the handshake.
+/// Time for the whole handshake.
 const HANDSHAKE: Duration = Duration::from_secs(5);
 /// Longest wait for a request before messages are looked for.
 const READ: Duration = Duration::from_millis(10);
@@ -26,12 +27,14 @@ const STUCK: Duration = Duration::from_secs(20);
 const LARGEST_REQUEST: usize = 1 << 20;
 /// Messages that are written between two looks at requests: 12 800 a second and more.
 const BATCH: usize = 128;
+/// Warnings that answer one request.
+const MAX_WARNINGS: usize = 16;
 
 type Socket = WebSocket<TcpStream>;
 
 /// Serves a client until it leaves, or the program ends. `first`: what every client gets first.
 pub(crate) fn serve(stream: TcpStream, shared: &Shared, first: &[String]) {
-    let Some(mut socket) = shake_hands(stream) else {
+    let Some(mut socket) = shake_hands(stream, shared) else {
         shared.refused.fetch_add(1, Ordering::Relaxed);
         return;
     };
@@ -45,17 +48,24 @@ pub(crate) fn serve(stream: TcpStream, shared: &Shared, first: &[String]) {
     shared.connected.fetch_sub(1, Ordering::Relaxed);
 }
 
-fn shake_hands(stream: TcpStream) -> Option<Socket> {
+fn shake_hands(stream: TcpStream, shared: &Shared) -> Option<Socket> {
     stream.set_nonblocking(false).ok()?;
     stream.set_nodelay(true).ok()?;
-    stream.set_read_timeout(Some(HANDSHAKE)).ok()?;
-    stream.set_write_timeout(Some(HANDSHAKE)).ok()?;
+    stream.set_read_timeout(Some(READ)).ok()?;
+    stream.set_write_timeout(Some(WRITE)).ok()?;
     let config =
         WebSocketConfig::default().max_message_size(Some(LARGEST_REQUEST)).max_frame_size(Some(LARGEST_REQUEST));
-    let socket = accept_hdr_with_config(stream, choose, Some(config)).ok()?;
-    socket.get_ref().set_read_timeout(Some(READ)).ok()?;
-    socket.get_ref().set_write_timeout(Some(WRITE)).ok()?;
-    Some(socket)
+    let begin = Instant::now();
+    let mut step = accept_hdr_with_config(stream, choose, Some(config));
+    loop {
+        let has_time = begin.elapsed() < HANDSHAKE && !shared.stop.load(Ordering::Relaxed);
+        match step {
+            Ok(socket) => return Some(socket),
+            // A part of it has come.
+            Err(HandshakeError::Interrupted(part)) if has_time => step = part.handshake(),
+            Err(_) => return None,
+        }
+    }
 }
 
 #[allow(clippy::result_large_err, reason = "the type of the library's callback")]
@@ -78,11 +88,12 @@ fn is_again(why: &Error) -> bool {
     matches!(why, Error::Io(why) if [Interrupted, TimedOut, WouldBlock].contains(&why.kind()))
 }
 
-/// Hands a message to the socket's buffer. Bytes that the client does not take now stay there.
-fn put(socket: &mut Socket, message: Message) -> Result<(), Error> {
+/// Hands a message to the socket's buffer. Bytes that the client does not take now stay there; returns whether there are none.
+fn put(socket: &mut Socket, message: Message) -> Result<bool, Error> {
     match socket.write(message) {
-        Err(why) if !is_again(&why) => Err(why),
-        _ => Ok(()),
+        Ok(()) => Ok(true),
+        Err(why) if is_again(&why) => Ok(false),
+        Err(why) => Err(why),
     }
 }
 
@@ -125,25 +136,26 @@ fn converse(socket: &mut Socket, shared: &Shared, mailbox: &Mutex<Mailbox>, firs
             Err(why) if is_again(&why) => Vec::new(),
             Err(why) => return Err(why),
         };
-        for answer in answers {
-            put(socket, Message::text(protocol::warning(&answer)))?;
+        let more = answers.len().saturating_sub(MAX_WARNINGS);
+        let more = (more > 0).then(|| format!("{more} more of this request cannot be done"));
+        for answer in answers.into_iter().take(MAX_WARNINGS).chain(more) {
+            // What a client does not take delays neither the end of the program nor its other messages.
+            if !put(socket, Message::text(protocol::warning(&answer)))? {
+                break;
+            }
         }
     }
 }
 
-/// Writes some of the messages that wait.
+/// Writes some of the messages that wait, as long as the client takes them.
 fn send_waiting(socket: &mut Socket, shared: &Shared, mailbox: &Mutex<Mailbox>) -> Result<(), Error> {
     for _ in 0..BATCH {
-        let (outgoing, ids) = {
-            let mut mailbox = lock(mailbox);
-            let Some(outgoing) = mailbox.waiting.pop_front() else { break };
-            let ids: Vec<u32> = mailbox.ids(outgoing.channel).collect();
-            (outgoing, ids)
-        };
-        for id in ids {
-            let data = protocol::message_data(id, outgoing.log_time_ns, &outgoing.payload);
-            put(socket, Message::binary(data))?;
-            shared.tallies[outgoing.channel].sent.fetch_add(1, Ordering::Relaxed);
+        let Some(outgoing) = lock(mailbox).pop() else { break };
+        let data = protocol::message_data(outgoing.id, outgoing.log_time_ns, &outgoing.payload);
+        let is_taken = put(socket, Message::binary(data))?;
+        shared.tallies[outgoing.channel].sent.fetch_add(1, Ordering::Relaxed);
+        if !is_taken {
+            break;
         }
     }
     Ok(())

@@ -20,7 +20,7 @@ pub struct Options {
     /// Port to listen at; 0 takes a free one
     #[arg(long, value_name = "PORT", default_value_t = 8765)]
     pub port: u16,
-    /// Most messages a second of joint states, setpoints and second encoders each
+    /// Most messages a second of joint states, setpoints, second encoders and parameters each
     #[arg(long, value_name = "HZ", default_value_t = 100.0, value_parser = rate)]
     pub rate: f64,
     /// End after so many seconds

@@ -28,6 +28,14 @@ pub enum ServerError {
         /// Port of the command line.
         port: u16,
     },
+    /// Ports below 1024 are the superuser's.
+    #[error("cannot listen at {host}:{port}: this user may not; give a --port from 1024 on")]
+    NotPermitted {
+        /// Host of the command line.
+        host: String,
+        /// Port of the command line.
+        port: u16,
+    },
     /// The address is not this machine's, or its name is not known.
     #[error("cannot listen at {host}:{port}: {why}; --host must be an address of this machine")]
     Address {
@@ -60,9 +68,12 @@ impl Server {
         session: &str,
         channels: Vec<Channel>,
     ) -> Result<Server, ServerError> {
-        let host_text = host.to_owned();
+        // As addresses of IPv6 stand in a URL.
+        let host = host.strip_prefix('[').and_then(|inner| inner.strip_suffix(']')).unwrap_or(host);
+        let host_text = if host.contains(':') { format!("[{host}]") } else { host.to_owned() };
         let fail = |why: io::Error| match why.kind() {
             io::ErrorKind::AddrInUse => ServerError::InUse { host: host_text.clone(), port },
+            io::ErrorKind::PermissionDenied => ServerError::NotPermitted { host: host_text.clone(), port },
             _ => ServerError::Address { host: host_text.clone(), port, why },
         };
         let listener = TcpListener::bind((host, port)).map_err(&fail)?;

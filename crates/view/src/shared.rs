@@ -12,26 +12,44 @@ const MAX_WAITING: usize = 1024;
 /// Subscriptions of a client.
 const MAX_SUBSCRIPTIONS: usize = 1024;
 
-/// A message on its way: channel, time of the log \[ns since 1970\], payload.
+/// A message on its way to a subscription.
 #[derive(Clone, Debug)]
 pub(crate) struct Outgoing {
+    /// Id of the subscription.
+    pub(crate) id: u32,
     pub(crate) channel: usize,
+    /// Time of the log \[ns since 1970\].
     pub(crate) log_time_ns: u64,
     pub(crate) payload: Arc<[u8]>,
 }
+
+/// Time of the log \[ns since 1970\] and payload of a message that is kept.
+type Kept = (u64, Arc<[u8]>);
 
 /// What a client subscribed to, and what waits for it.
 #[derive(Debug, Default)]
 pub(crate) struct Mailbox {
     subscriptions: Vec<Subscription>,
-    pub(crate) waiting: VecDeque<Outgoing>,
+    waiting: VecDeque<Outgoing>,
 }
 
 impl Mailbox {
     /// Ids of the subscriptions to a channel.
-    pub(crate) fn ids(&self, channel: usize) -> impl Iterator<Item = u32> {
+    fn ids(&self, channel: usize) -> impl Iterator<Item = u32> {
         let of_channel = move |s: &&Subscription| usize::try_from(s.channel).is_ok_and(|c| c == channel);
         self.subscriptions.iter().filter(of_channel).map(|s| s.id)
+    }
+
+    /// Adds a message; the channel of the one that made room for it.
+    fn push(&mut self, outgoing: Outgoing) -> Option<usize> {
+        let oldest = if self.waiting.len() >= MAX_WAITING { self.waiting.pop_front() } else { None };
+        self.waiting.push_back(outgoing);
+        oldest.map(|oldest| oldest.channel)
+    }
+
+    /// The oldest message that waits.
+    pub(crate) fn pop(&mut self) -> Option<Outgoing> {
+        self.waiting.pop_front()
     }
 }
 
@@ -52,7 +70,7 @@ pub(crate) struct Shared {
     pub(crate) channels: Vec<Channel>,
     pub(crate) tallies: Vec<Tally>,
     /// The last message of each channel that keeps it.
-    kept: Mutex<Vec<Option<Outgoing>>>,
+    kept: Mutex<Vec<Option<Kept>>>,
     clients: Mutex<Vec<Arc<Mutex<Mailbox>>>>,
     pub(crate) connected: AtomicUsize,
     pub(crate) ever: AtomicU64,
@@ -101,8 +119,9 @@ impl Shared {
                 break;
             }
             mailbox.subscriptions.push(*subscription);
-            if let Some(outgoing) = &kept[channel] {
-                mailbox.waiting.push_back(outgoing.clone());
+            if let Some((log_time_ns, payload)) = &kept[channel] {
+                let (id, payload) = (subscription.id, Arc::clone(payload));
+                self.count_dropped(mailbox.push(Outgoing { id, channel, log_time_ns: *log_time_ns, payload }));
             }
         }
         answers
@@ -117,8 +136,14 @@ impl Shared {
             mailbox.subscriptions.retain(|s| s.id != *id);
             if mailbox.subscriptions.len() == before {
                 answers.push(format!("there is no subscription {id}"));
+                // As many as a client may have are enough to answer.
+                if answers.len() >= MAX_SUBSCRIPTIONS {
+                    break;
+                }
             }
         }
+        let Mailbox { subscriptions, waiting } = &mut *mailbox;
+        waiting.retain(|outgoing| subscriptions.iter().any(|s| s.id == outgoing.id));
         answers
     }
 
@@ -130,22 +155,25 @@ impl Shared {
 
     /// Passes a message to all clients that subscribed to its channel. Never waits for one.
     pub(crate) fn publish(&self, channel: usize, log_time_ns: u64, payload: &[u8]) {
-        let outgoing = Outgoing { channel, log_time_ns, payload: payload.into() };
+        let payload: Arc<[u8]> = payload.into();
         let mut kept = lock(&self.kept);
         if self.channels[channel].is_kept {
-            kept[channel] = Some(outgoing.clone());
+            kept[channel] = Some((log_time_ns, Arc::clone(&payload)));
         }
         for mailbox in lock(&self.clients).iter() {
             let mut mailbox = lock(mailbox);
-            if mailbox.ids(channel).next().is_none() {
-                continue;
+            let ids: Vec<u32> = mailbox.ids(channel).collect();
+            for id in ids {
+                let payload = Arc::clone(&payload);
+                self.count_dropped(mailbox.push(Outgoing { id, channel, log_time_ns, payload }));
             }
-            if mailbox.waiting.len() >= MAX_WAITING
-                && let Some(oldest) = mailbox.waiting.pop_front()
-            {
-                self.tallies[oldest.channel].dropped.fetch_add(1, Ordering::Relaxed);
-            }
-            mailbox.waiting.push_back(outgoing.clone());
+        }
+    }
+
+    /// Counts a message of a channel that gave way to a newer one.
+    fn count_dropped(&self, channel: Option<usize>) {
+        if let Some(channel) = channel {
+            self.tallies[channel].dropped.fetch_add(1, Ordering::Relaxed);
         }
     }
 

@@ -154,6 +154,12 @@ fn a_port_in_use_a_foreign_host_and_a_missing_robot_are_named() {
         assert_eq!(code, Some(69), "{text}");
         assert!(text.contains(host) && text.contains("--host must be an address of this machine"), "{text}");
     }
+    // An address of IPv6 as it stands in a URL.
+    if TcpListener::bind("[::1]:0").is_ok() {
+        let (code, text) = run(&["--port", "0", "--host", "[::1]", "--seconds", "0.1"]);
+        assert_eq!(code, Some(0), "{text}");
+        assert!(text.contains("ws://[::1]:"), "{text}");
+    }
     let output = view(&["no-robot.toml"]).output().expect("it runs");
     assert_eq!(ended(&output).0, Some(78), "{}", ended(&output).1);
     let output = view(&["robot.toml", "--rate", "-1"]).output().expect("it runs");
@@ -268,6 +274,45 @@ fn a_slow_client_loses_messages_and_holds_up_nobody() {
     drop(slow);
     eventually("it has left", || (server.clients() == (1, 2)).then_some(()));
     assert!(!server.wants(0));
+}
+
+fn kept_channel() -> Vec<Channel> {
+    let [topic, schema_name, schema] = ["kept", "S", "{}"].map(str::to_owned);
+    vec![Channel { topic, schema_name, schema, is_kept: true }]
+}
+
+/// The last message goes to the subscription that is new, once; the next one to all.
+#[test]
+fn a_kept_message_goes_to_each_new_subscription_once() {
+    let server = Server::start("127.0.0.1", 0, "test", "1", kept_channel()).expect("it listens");
+    server.publish(0, 5, b"[1]");
+    let mut socket = connect(&server.address().to_string(), "foxglove.sdk.v1").expect("connected");
+    for id in [1, 2] {
+        send(&mut socket, &json!({"op": "subscribe", "subscriptions": [{"id": id, "channelId": 0}]}));
+        assert_eq!(data(&mut socket), (id, b"[1]".to_vec()));
+    }
+    server.publish(0, 6, b"[2]");
+    assert_eq!([data(&mut socket), data(&mut socket)], [(1, b"[2]".to_vec()), (2, b"[2]".to_vec())]);
+}
+
+/// Neither a client that subscribes to much and takes nothing, nor one that never ends its handshake, holds up the end.
+#[test]
+fn clients_that_stand_still_do_not_hold_up_the_end() {
+    let server = Server::start("127.0.0.1", 0, "test", "1", kept_channel()).expect("it listens");
+    let address = server.address().to_string();
+    server.publish(0, 5, &vec![b' '; 64 << 10]);
+    let mut greedy = connect(&address, "foxglove.sdk.v1").expect("connected");
+    let wanted: Vec<Value> = (0..1024).map(|id| json!({"id": id, "channelId": 0})).collect();
+    send(&mut greedy, &json!({"op": "subscribe", "subscriptions": wanted}));
+    let half_open = TcpStream::connect(&address).expect("connected");
+    eventually("it takes nothing more", || {
+        let before = server.counts(0).0;
+        std::thread::sleep(Duration::from_millis(300));
+        (before > 0 && server.counts(0).0 == before).then_some(())
+    });
+    let ending = std::thread::spawn(move || drop(server));
+    eventually("the server has ended", || ending.is_finished().then_some(()));
+    drop((greedy, half_open));
 }
 
 /// Who connects while all places are taken is refused; a place that is free again is used.
