@@ -138,11 +138,13 @@ fn with_friction(arm: &str, has_stribeck: bool) -> Robot {
     let of_limit = |share: f64| limits.iter().map(|limit| share * limit).collect::<Vec<f64>>();
     let coulomb = format!("coulomb = {:?}", of_limit(DRY[0]));
     let line = |line: &str| if line.starts_with("coulomb = [") { coulomb.clone() } else { line.to_owned() };
-    let mut text = text.lines().map(line).collect::<Vec<_>>().join("\n");
+    let mut lines: Vec<String> = text.lines().map(line).collect();
     if has_stribeck {
         let velocity = vec![STRIBECK_VELOCITY; limits.len()];
-        text += &format!("\n[effects.stribeck_friction]\nexcess = {:?}\nvelocity = {velocity:?}\n", of_limit(DRY[1]));
+        lines.push("[effects.stribeck_friction]".to_owned());
+        lines.push(format!("excess = {:?}\nvelocity = {velocity:?}", of_limit(DRY[1])));
     }
+    let text = lines.join("\n");
     rivet_config::parse(&file, &text).expect("the changed file is sound")
 }
 
