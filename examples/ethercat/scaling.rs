@@ -574,7 +574,7 @@ mod tests {
             let middle = (0.5 * (key.least + key.most)).round();
             let number = [key.least, key.most, middle, key.least][usize::from(*choice)];
             let number = if key.signed && *choice == 3 { -number } else { number };
-            text += &format!("{} = {number}{}\n", key.name, if key.whole { "" } else { "e0" });
+            text.extend([key.name, " = ", &number.to_string(), if key.whole { "\n" } else { "e0\n" }]);
         }
         text
     }
