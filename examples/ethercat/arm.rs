@@ -400,4 +400,54 @@ mod tests {
         assert!(recorder.sent[before..].iter().all(|sent| sent.control & 0x08 == 0));
         assert!(recorder.sent[before..].iter().all(|sent| sent.position.abs_diff(position) < 1000));
     }
+
+    /// Two drives whose status words are given, a pair for each cycle; their positions drift by an increment a cycle.
+    struct Script {
+        statuses: Vec<[u16; 2]>,
+        sent: Vec<Vec<Sent>>,
+    }
+
+    impl Bus for &mut Script {
+        fn exchange(&mut self, sent: &[Sent], received: &mut [Received]) -> bool {
+            let cycle = self.sent.len();
+            let statuses = self.statuses[cycle.min(self.statuses.len() - 1)];
+            self.sent.push(sent.to_vec());
+            for (bytes, status) in received.iter_mut().zip(statuses) {
+                bytes[..2].copy_from_slice(&status.to_le_bytes());
+                bytes[2] = TORQUE_MODE as u8;
+                bytes[3] = cycle as u8;
+            }
+            true
+        }
+    }
+
+    fn two_joints() -> Table {
+        let one = table();
+        let other = crate::scaling::Joint { slave: 1, ..one.joints[0].clone() };
+        Table { mode: one.mode, joints: vec![one.joints[0].clone(), other] }
+    }
+
+    /// The first drive is enabled and waits for the second at the position that it had. The second shows *operation enabled*
+    /// before 0x0F was sent, which is not enough. Later it fails, and the first is switched off too.
+    #[test]
+    fn drives_are_enabled_together_and_switched_off_together() {
+        let (on, off, fault) = (ENABLED, 0x0250, FAULT);
+        let mut statuses = vec![[on, off], [on, off], [on, off], [on, on], [on, on], [on, on], [on, fault]];
+        statuses.extend([[0x0231, fault]; 3]);
+        let mut script = Script { statuses, sent: Vec::new() };
+        let mut arm = Arm::enable(&mut script, two_joints(), || 0).expect("enabled");
+        let sent = |arm: &Arm<&mut Script, _>, joint: usize| -> Vec<[u8; 2]> {
+            arm.bus.sent.iter().skip(1).map(|frame| [frame[joint][0], frame[joint][3]]).collect()
+        };
+        assert!(arm.bus.sent[0].is_empty());
+        assert_eq!(sent(&arm, 0), [[0x0F, 0]; 4], "control word and position");
+        assert_eq!(sent(&arm, 1), [[0x06, 0], [0x06, 1], [0x06, 2], [0x0F, 3]]);
+        for control in [0x0F, 0x06] {
+            arm.exchange();
+            arm.command(&[0.0; 2], &[1.0; 2]);
+            assert_eq!(arm.outputs.iter().map(|output| output.control).collect::<Vec<_>>(), [control; 2]);
+        }
+        drop(arm);
+        assert!(script.sent[7..].iter().flatten().all(|sent| sent[0] & 0x08 == 0 && sent[7..] == [0, 0]));
+    }
 }
