@@ -9,8 +9,9 @@ use std::f64::consts::TAU;
 /// ethercrab 0.7 these are `outputs_raw_mut`, `tx_rx` and `inputs_raw`. The caller waits for the next period, so that the master's
 /// distributed clocks have to be aligned with CLOCK_MONOTONIC.
 pub(crate) trait Bus {
-    /// Exchanges the process data of the drives in the order of the joints. `false`: the frame was lost or its working counter was
-    /// wrong, and `received` is as it was.
+    /// Exchanges the process data of the drives in the order of the joints. `sent` is empty until status words have been read: a
+    /// master stays in SAFE-OP so long, where drives measure and take no outputs. `false`: the frame was lost or its working counter
+    /// was wrong, and `received` is as it was.
     fn exchange(&mut self, sent: &[Sent], received: &mut [Received]) -> bool;
 }
 
@@ -20,7 +21,11 @@ pub(crate) struct SimulatedBus {
     q: f64,
     qd: f64,
     tau: f64,
-    status: u16,
+    pub(crate) status: u16,
+    /// Mode that the drive shows, whatever is asked for.
+    pub(crate) forced_mode: Option<i8>,
+    /// Edges of reset that the drive takes until it leaves its fault.
+    pub(crate) resets_to_clear: u32,
     sent: Sent,
     received: Received,
     cycles: u64,
@@ -36,16 +41,20 @@ impl SimulatedBus {
                 "slaves {slaves:?}: the simulated bus has one drive, at position 0; take one [[joint]] with slave = 0"
             ));
         }
-        let (q, qd, tau, sent, received) = (0.0, 0.0, 0.0, [0; 9], [0; 17]);
-        let mut bus = SimulatedBus { q, qd, tau, status: 0x0218, sent, received, cycles: 0, lost_every: 0 };
+        let (q, qd, tau, sent, received) = (0.0, 0.0, 0.0, [0; 9], [0; 19]);
+        let (status, forced_mode, resets_to_clear) = (0x0218, None, 1);
+        let (cycles, lost_every) = (0, 0);
+        let mut bus =
+            SimulatedBus { q, qd, tau, status, forced_mode, resets_to_clear, sent, received, cycles, lost_every };
         bus.measure();
         Ok(bus)
     }
 
-    /// The drive goes into a fault.
+    /// Puts the drive into a state by its status word.
     #[cfg(test)]
-    pub(crate) fn fail(&mut self) {
-        self.status = 0x0218;
+    pub(crate) fn set_status(&mut self, status: u16) {
+        self.status = status;
+        self.measure();
     }
 
     /// True position of the joint \[rad\].
@@ -67,24 +76,31 @@ impl SimulatedBus {
         let torque = (-self.tau / 20.0 * 1000.0).round() as i16;
         let velocity = motor(self.qd) as i32;
         let mut bytes = Vec::from(self.status.to_le_bytes());
-        bytes.push(self.sent[2]);
+        bytes.extend(self.forced_mode.unwrap_or(i8::from_le_bytes([self.sent[2]])).to_le_bytes());
         bytes.extend(position.to_le_bytes());
         bytes.extend(velocity.to_le_bytes());
         bytes.extend(torque.to_le_bytes());
-        self.received[..13].copy_from_slice(&bytes); // no second encoder
+        bytes.extend([0; 4]); // no second encoder
+        let error: u16 = if State::of_status(self.status) == State::Fault { 0x7305 } else { 0 }; // of an encoder
+        bytes.extend(error.to_le_bytes());
+        self.received.copy_from_slice(&bytes);
     }
 
     /// Transitions of CiA 402 that a control word causes.
     fn transition(&mut self, control: u8) {
         let (state, reset) = (State::of_status(self.status), control & 0x80 != 0 && self.sent[0] & 0x80 == 0);
+        self.resets_to_clear -= u32::from(state == State::Fault && reset && self.resets_to_clear > 0);
         self.status = match state {
-            State::Fault if reset => 0x0250,
+            State::Fault if reset && self.resets_to_clear == 0 => 0x0250,
             State::Fault => self.status,
-            _ if control & 0x02 == 0 => 0x0250,
-            State::SwitchOnDisabled if control & 0x07 == 0x06 => 0x0231,
+            _ if control & 0x02 == 0 => 0x0250, // disable voltage
+            State::QuickStopActive => self.status,
+            State::OperationEnabled if control & 0x04 == 0 => 0x0217, // quick stop
+            _ if control & 0x04 == 0 => 0x0250,
+            State::SwitchOnDisabled | State::SwitchedOn | State::OperationEnabled if control & 0x01 == 0 => 0x0231,
             State::ReadyToSwitchOn if control & 0x0F == 0x07 => 0x0233,
             State::SwitchedOn if control & 0x0F == 0x0F => 0x1237,
-            State::OperationEnabled if control & 0x0F != 0x0F => 0x0231,
+            State::OperationEnabled if control & 0x08 == 0 => 0x0233,
             _ => self.status,
         };
     }
@@ -96,8 +112,10 @@ impl Bus for SimulatedBus {
         let arrives = self.lost_every == 0 || !self.cycles.is_multiple_of(self.lost_every);
         if arrives {
             received[0] = self.received;
-            self.transition(sent[0][0]);
-            self.sent = sent[0];
+            if let Some(sent) = sent.first() {
+                self.transition(sent[0]);
+                self.sent = *sent;
+            }
         }
         // The motion of 1 ms. Without power the brake holds.
         let enabled = State::of_status(self.status) == State::OperationEnabled;

@@ -6,12 +6,14 @@ use rivet::faults;
 pub(crate) const POSITION_MODE: i8 = 8;
 pub(crate) const TORQUE_MODE: i8 = 10;
 
-/// Control words *enable operation* and *shutdown*: a drive at work stays so, or is switched off.
-pub(crate) const ENABLE_OPERATION: u16 = 0x0F;
+/// Control words *disable voltage*, *shutdown*, *enable operation*, and the rising edge that resets a fault.
+pub(crate) const DISABLE_VOLTAGE: u16 = 0x00;
 pub(crate) const SHUTDOWN: u16 = 0x06;
+pub(crate) const ENABLE_OPERATION: u16 = 0x0F;
+pub(crate) const FAULT_RESET: u16 = 0x80;
 
 /// Process data of one drive: what it sends and what it receives in a cycle.
-pub(crate) type Received = [u8; 17];
+pub(crate) type Received = [u8; 19];
 pub(crate) type Sent = [u8; 9];
 
 /// What a drive sends in a cycle (TxPDO), little-endian in this order.
@@ -29,6 +31,8 @@ pub(crate) struct Inputs {
     pub(crate) torque: i16,
     /// 0x60E4:01 additional position actual value \[increments\].
     pub(crate) link_position: i32,
+    /// 0x603F error code.
+    pub(crate) error: u16,
 }
 
 /// What a drive receives in a cycle (RxPDO), little-endian in this order.
@@ -55,6 +59,7 @@ impl Inputs {
             velocity: long(7),
             torque: i16::from_le_bytes([b[11], b[12]]),
             link_position: long(13),
+            error: u16::from_le_bytes([b[17], b[18]]),
         }
     }
 }
@@ -96,16 +101,21 @@ impl State {
         }
     }
 
-    /// Control word that brings a drive one step nearer to `OperationEnabled`. A fault is reset by the rising edge of bit 7:
-    /// `previous` is the control word of the last cycle.
-    pub(crate) fn enabling_word(self, previous: u16) -> u16 {
+    /// Control word that brings a drive one step nearer to `OperationEnabled`. It resets no fault.
+    pub(crate) fn enabling_word(self) -> u16 {
         match self {
             State::SwitchOnDisabled => SHUTDOWN,
             State::ReadyToSwitchOn => 0x07,
             State::SwitchedOn | State::OperationEnabled => ENABLE_OPERATION,
-            State::Fault if previous & 0x80 == 0 => 0x80,
-            State::Fault | State::FaultReactionActive | State::QuickStopActive | State::NotReadyToSwitchOn => 0x00,
+            State::Fault | State::FaultReactionActive | State::QuickStopActive | State::NotReadyToSwitchOn => {
+                DISABLE_VOLTAGE
+            }
         }
+    }
+
+    /// Control word that switches a drive off: *shutdown*, which does not leave `QuickStopActive`; *disable voltage* does.
+    pub(crate) fn disabling_word(self) -> u16 {
+        if self == State::QuickStopActive { DISABLE_VOLTAGE } else { SHUTDOWN }
     }
 }
 
@@ -155,10 +165,11 @@ mod tests {
 
     #[test]
     fn process_data_is_little_endian_in_the_order_of_the_fields() {
-        let bytes = [0x37, 0x02, 10, 0xFE, 0xFF, 0xFF, 0xFF, 1, 0, 0, 0, 0x18, 0xFC, 4, 3, 2, 1];
+        let bytes = [0x37, 0x02, 10, 0xFE, 0xFF, 0xFF, 0xFF, 1, 0, 0, 0, 0x18, 0xFC, 4, 3, 2, 1, 0x11, 0x75];
         let inputs = Inputs::from_bytes(&bytes);
+        let (link_position, error) = (0x0102_0304, 0x7511);
         let expected =
-            Inputs { status: 0x0237, mode: 10, position: -2, velocity: 1, torque: -1000, link_position: 0x0102_0304 };
+            Inputs { status: 0x0237, mode: 10, position: -2, velocity: 1, torque: -1000, link_position, error };
         assert_eq!(inputs, expected);
         let outputs = Outputs { control: 0x000F, mode: 10, position: i32::MIN, torque: -2 };
         assert_eq!(outputs.to_bytes(), [0x0F, 0, 10, 0, 0, 0, 0x80, 0xFE, 0xFF]);

@@ -2,6 +2,7 @@
 //! examples: no EtherCAT is spoken. `bus.rs` states where a master goes.
 //!   cargo run --release -p librivet --example ethercat -- examples/ethercat/arm.toml [SAMPLES [PREFIX ROOT]]
 
+mod arguments;
 mod arm;
 mod bus;
 mod drive;
@@ -9,33 +10,30 @@ mod scaling;
 
 use arm::Arm;
 use bus::SimulatedBus;
-use rivet::{BusConfig, Robot, Status, now_ns, sample_flags};
+use rivet::{Robot, Status, now_ns, sample_flags};
 use std::path::Path;
 use std::process::ExitCode;
 use std::time::Duration;
 
-/// Waits for the beginning of the next period, and returns it.
-fn next_period(wake_ns: &mut u64) {
-    *wake_ns += 1_000_000;
-    std::thread::sleep(Duration::from_nanos(wake_ns.saturating_sub(now_ns())));
+/// Waits for the beginning of the next period of 1 ms, and returns it.
+fn periods() -> impl FnMut() -> u64 {
+    let mut wake_ns = now_ns();
+    move || {
+        wake_ns += 1_000_000;
+        std::thread::sleep(Duration::from_nanos(wake_ns.saturating_sub(now_ns())));
+        wake_ns
+    }
 }
 
 fn run(arguments: &[String]) -> Result<(), Box<dyn std::error::Error>> {
-    let path = arguments.get(1).ok_or("a scaling table is needed: ethercat TABLE.toml [SAMPLES [PREFIX ROOT]]")?;
-    let samples = arguments.get(2).map_or(Ok(10_000_u32), |samples| samples.parse())?;
-    let config = match arguments.get(3..5) {
-        Some([prefix, root]) => BusConfig { prefix: prefix.clone(), root: root.into() },
-        _ => BusConfig::default(),
-    };
-    let table = scaling::read(Path::new(path))?;
+    let arguments = arguments::parse(arguments)?;
+    let table = scaling::read(Path::new(&arguments.table))?;
     let joints = table.joints.len();
     let slaves: Vec<usize> = table.joints.iter().map(|joint| joint.slave).collect();
-    let mut robot = Robot::open(&config, "example-arm", u32::try_from(joints)?)?;
-    let mut wake_ns = now_ns();
-    let mut arm = Arm::enable(SimulatedBus::new(&slaves)?, table, || next_period(&mut wake_ns))?;
+    let mut robot = Robot::open(&arguments.bus, "example-arm", u32::try_from(joints)?)?;
+    let mut arm = Arm::enable(SimulatedBus::new(&slaves)?, table, periods())?; // dropped, it switches the drives off
     let (mut answered, mut missed, mut start, mut last) = (0, 100, None, [0.0; 8]);
-    for k in 0..samples {
-        next_period(&mut wake_ns);
+    for k in 0..arguments.samples {
         let Some(mut sample) = arm.exchange() else {
             robot.skip(1); // the drives go on with what they have
             continue;
@@ -47,7 +45,7 @@ fn run(arguments: &[String]) -> Result<(), Box<dyn std::error::Error>> {
             sample.qd_des[j] = 0.5 * a * (a * t).sin() + 0.2 * b * (b * t).sin();
             sample.qdd_des[j] = 0.5 * a * a * (a * t).cos() + 0.2 * b * b * (b * t).cos();
         }
-        (sample.flags, sample.stamp_ns) = (sample_flags::SETPOINT, wake_ns);
+        sample.flags = sample_flags::SETPOINT;
         if robot.publish(&sample) != Status::Ok {
             return Err(format!("sample {}: {}", k + 1, robot.problem()).into());
         }
@@ -71,7 +69,12 @@ fn run(arguments: &[String]) -> Result<(), Box<dyn std::error::Error>> {
 }
 
 fn main() -> ExitCode {
-    match run(&std::env::args().collect::<Vec<_>>()) {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    if ["-h", "--help"].contains(&arguments.first().map_or("", String::as_str)) {
+        println!("{}", arguments::USAGE);
+        return ExitCode::SUCCESS;
+    }
+    match run(&arguments) {
         Ok(()) => ExitCode::SUCCESS,
         Err(why) => {
             eprintln!("ethercat: {why}");

@@ -1,6 +1,8 @@
 //! Tests of the modules of `examples/ethercat`: an example of cargo is either a program or tests.
 #![allow(dead_code, reason = "the program of the example uses the rest")]
 
+#[path = "../../examples/ethercat/arguments.rs"]
+mod arguments;
 #[path = "../../examples/ethercat/arm.rs"]
 mod arm;
 #[path = "../../examples/ethercat/bus.rs"]
