@@ -73,7 +73,7 @@ impl Output {
         }
     }
 
-    /// Joints, bit 0 the base's, whose torque the rate limit has held back by a quarter of its limit and more for longer than it may be at a limit and longer than
+    /// Joints, bit 0 the base's, whose torque, friction left out, the rate limit has held back by a quarter of its limit and more for longer than it may be at a limit and longer than
     /// the drive takes from one limit to the other: feedback that comes so late swings the joint further with each turn.
     pub fn held_back(&self) -> u32 {
         let too_long = |j: &usize| self.held_back[*j] > self.most_held_back[*j];

@@ -299,7 +299,7 @@ impl Rules<'_> {
         Some(Table { mode, joints })
     }
 
-    /// Number of a key; `None` if there is none or it breaks a rule.
+    /// Number of a key; `None` where the key is missing or breaks a rule.
     fn number(&mut self, table: &DeTable<'_>, place: &Range<usize>, key: &Key) -> Option<f64> {
         let Some(value) = table.get(key.name) else {
             if key.needed {

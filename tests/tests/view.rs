@@ -1,7 +1,7 @@
 //! `rivet view` beside a running rivetd, read by an independent client (`websockets` of Python); `rivet record` beside it.
 //!
 //! Values reach the client to the bit, every path of the layout resolves in what both programs give, and the loop loses nothing.
-//! Python is that of `RIVET_PYTHON`; without its module `websockets` the test is skipped, and says so.
+//! Python is that of `RIVET_PYTHON`; without its module `websockets` the test prints SKIPPED.
 
 use std::collections::BTreeMap;
 use std::io::{BufRead as _, BufReader, Write as _};

@@ -88,7 +88,7 @@ fn is_again(why: &Error) -> bool {
     matches!(why, Error::Io(why) if [Interrupted, TimedOut, WouldBlock].contains(&why.kind()))
 }
 
-/// Hands a message to the socket's buffer. Bytes that the client does not take now stay there; returns whether there are none.
+/// Hands a message to the socket's buffer. Bytes that the client does not take now stay there; returns whether all were taken.
 fn put(socket: &mut Socket, message: Message) -> Result<bool, Error> {
     match socket.write(message) {
         Ok(()) => Ok(true),
