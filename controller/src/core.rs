@@ -3,7 +3,7 @@
 use crate::gate::{Gate, Newest, Refusal};
 use crate::governor::Governor;
 use crate::history::{History, Moment};
-use crate::law::{ControlLaw, Desired, Gains, is_friction};
+use crate::law::{ControlLaw, Desired, Gains};
 use crate::limits::SetpointLimits;
 use crate::output::{Limits, Output};
 use crate::plan::{PlanCheck, RefusedPlan};
@@ -124,8 +124,6 @@ pub struct Core {
     passed_wrong: Option<Wrong>,
     history: History,
     mass: Vec<f64>,
-    /// Which base parameters are friction.
-    friction: [bool; MAX_PARAMETERS],
     joints: u32,
     /// The stop that is in force.
     stopping: Option<Stopping>,
@@ -175,15 +173,6 @@ fn torque_limits(robot: &Robot) -> Vec<f64> {
         limits[effect.joint] = limits[effect.joint].min(effect.values[0]);
     }
     limits
-}
-
-/// Which base parameters are friction.
-fn friction_places(robot: &Robot) -> [bool; MAX_PARAMETERS] {
-    let mut places = [false; MAX_PARAMETERS];
-    for (place, column) in places.iter_mut().zip(&robot.base.independent) {
-        *place = is_friction(robot.model.parameters[*column]);
-    }
-    places
 }
 
 impl Core {
@@ -260,7 +249,6 @@ impl Core {
             passed_wrong: None,
             history: History::new(),
             mass: vec![0.0; dof * dof],
-            friction: friction_places(robot),
             joints: dof as u32,
             stopping: None,
             last_stop: (StopCause::None, 0),
@@ -571,12 +559,11 @@ impl Core {
     fn follow(&mut self, sample: &JointState, qd: &[f64; MAX_JOINTS], desired: &Desired) -> Command {
         let n = self.dof;
         let mut tau = [0.0; MAX_JOINTS];
-        self.law.torque(&sample.q[..n], &qd[..n], desired, &self.acting[..self.count], &mut tau[..n]);
+        let friction = self.law.torque(&sample.q[..n], &qd[..n], desired, &self.acting[..self.count], &mut tau[..n]);
         let memory = self.period_s / TRACKING_S;
         for j in 0..n {
             self.tracking[j] += memory * ((desired.q[j] - sample.q[j]).powi(2) - self.tracking[j]);
         }
-        let friction = *self.law.friction();
         let command = self.give(sample.seq, sample.stamp_ns, tau, Some(&friction));
         self.history.push(&Moment { q: sample.q, qd: *qd, tau: command.tau });
         command
@@ -664,20 +651,11 @@ impl Core {
             offset[j] += speed[j] * self.period_s;
         }
         self.planned = desired.q;
-        let x = self.without_friction();
-        self.governor.apply(&mut desired, &mut self.law, &x[..self.count], &mut self.mass, periods);
+        let x = &self.acting[..self.count];
+        self.governor.apply(&mut desired, &mut self.law, x, &mut self.mass, periods);
         // The reference stays within the joints' ranges, too.
         let _ = self.limits.apply(&mut desired);
         desired
-    }
-
-    /// The acting parameters with friction 0.
-    fn without_friction(&self) -> Values {
-        let mut x = self.acting;
-        for (x, friction) in x.iter_mut().zip(&self.friction) {
-            *x = if *friction { 0.0 } else { *x };
-        }
-        x
     }
 
     /// Whether feedback alone brings the arm to `plan`.

@@ -86,7 +86,7 @@ impl Governor {
         (0..self.dof).filter(is_beyond).fold(0, |bits, j| bits | 1 << j)
     }
 
-    /// Turns a plan into the reference, `periods` after the last one. `x` are base parameters without friction, `mass` is scratch of
+    /// Turns a plan into the reference, `periods` after the last one. `x` are base parameters, `mass` is scratch of
     /// dof² numbers. Real-time safe.
     pub(crate) fn apply(
         &mut self,
@@ -104,8 +104,7 @@ impl Governor {
             desired.qd[j] += self.speed[j];
             desired.qdd[j] += *a;
         }
-        let mut needed = [0.0; MAX_JOINTS];
-        law.model_torque_without_friction(&desired.q[..n], &desired.qd[..n], &desired.qdd[..n], x, &mut needed[..n]);
+        let [_, needed] = law.model_torque_apart(&desired.q[..n], &desired.qd[..n], &desired.qdd[..n], x);
         let mut given = self.given.unwrap_or(needed);
         let mut lacking = [0.0; MAX_JOINTS];
         for j in 0..n {

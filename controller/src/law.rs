@@ -56,14 +56,12 @@ pub struct ControlLaw {
     integral: [f64; MAX_JOINTS],
     /// Error that the integral would take in, once the output has said that it was not at a limit.
     pending: [f64; MAX_JOINTS],
-    /// Places of the base parameters that are friction.
-    friction_places: Vec<usize>,
-    /// Friction in the last torque \[N·m\].
-    friction: [f64; MAX_JOINTS],
+    /// Which base parameters are friction.
+    is_friction: Vec<bool>,
 }
 
 /// Whether a parameter is one of friction.
-pub(crate) fn is_friction(parameter: Parameter) -> bool {
+fn is_friction(parameter: Parameter) -> bool {
     matches!(
         parameter,
         Parameter::Viscous(_)
@@ -89,7 +87,7 @@ impl ControlLaw {
         period_s: f64,
     ) -> ControlLaw {
         let dof = model.arm.dof();
-        let friction_places = (0..base.len()).filter(|i| is_friction(base.parameter(&model, *i))).collect();
+        let is_friction = (0..base.len()).map(|i| is_friction(base.parameter(&model, i))).collect();
         let mut law = ControlLaw {
             kind,
             workspace: Workspace::new(&model.arm),
@@ -98,8 +96,7 @@ impl ControlLaw {
             inertia: [0.0; MAX_JOINTS],
             integral: [0.0; MAX_JOINTS],
             pending: [0.0; MAX_JOINTS],
-            friction_places,
-            friction: [0.0; MAX_JOINTS],
+            is_friction,
             model,
             base,
             gains,
@@ -114,10 +111,18 @@ impl ControlLaw {
         law
     }
 
-    /// Torque \[N·m\] that makes the arm follow `desired` from the measured `q`, `qd`, with base parameters `x`.
+    /// Torque \[N·m\] that makes the arm follow `desired` from the measured `q`, `qd`, with base parameters `x`; returns what of it
+    /// is friction.
     ///
     /// Real-time safe. Not yet limited.
-    pub fn torque(&mut self, q: &[f64], qd: &[f64], desired: &Desired, x: &[f64], tau: &mut [f64]) {
+    pub fn torque(
+        &mut self,
+        q: &[f64],
+        qd: &[f64],
+        desired: &Desired,
+        x: &[f64],
+        tau: &mut [f64],
+    ) -> [f64; MAX_JOINTS] {
         let dof = self.model.arm.dof();
         let mut a = [0.0; MAX_JOINTS];
         for j in 0..dof {
@@ -127,43 +132,22 @@ impl ControlLaw {
                 + self.gains.position[j] * error
                 + self.gains.integral[j] * self.integral[j];
         }
-        match self.kind {
+        let mut v = desired.qdd;
+        let at = match self.kind {
             Law::ComputedTorque => {
-                let mut v = desired.qdd;
                 for j in 0..dof {
                     v[j] += a[j];
                 }
-                self.model_torque(q, &desired.qd[..dof], &v[..dof], x, tau);
-                self.keep_friction(q, &desired.qd[..dof], &v[..dof], x);
+                q
             }
-            Law::FeedForwardPd => {
-                self.model_torque(&desired.q[..dof], &desired.qd[..dof], &desired.qdd[..dof], x, tau);
-                self.keep_friction(&desired.q[..dof], &desired.qd[..dof], &desired.qdd[..dof], x);
-                for j in 0..dof {
-                    tau[j] += self.inertia[j] * a[j];
-                }
-            }
+            Law::FeedForwardPd => &desired.q[..dof],
+        };
+        let [friction, rest] = self.model_torque_apart(at, &desired.qd[..dof], &v[..dof], x);
+        for (j, tau) in tau.iter_mut().enumerate() {
+            let feedback = if self.kind == Law::FeedForwardPd { self.inertia[j] * a[j] } else { 0.0 };
+            *tau = rest[j] + friction[j] + feedback;
         }
-    }
-
-    /// Friction in the last [`torque`](Self::torque), that of known effects included \[N·m\].
-    pub(crate) fn friction(&self) -> &[f64; MAX_JOINTS] {
-        &self.friction
-    }
-
-    /// Keeps the part of friction of the model torque that was computed last, which was that of this motion.
-    fn keep_friction(&mut self, q: &[f64], qd: &[f64], qdd: &[f64], x: &[f64]) {
-        let dof = self.model.arm.dof();
-        self.friction = [0.0; MAX_JOINTS];
-        if !self.model.effects().is_empty() {
-            let mut rest = [0.0; MAX_JOINTS];
-            self.model.add_effects(&mut self.workspace, q, qd, qdd, &mut self.friction[..dof]);
-            self.model.add_effects_without_friction(&mut self.workspace, q, qd, qdd, &mut rest[..dof]);
-            self.friction.iter_mut().zip(rest).for_each(|(friction, rest)| *friction -= rest);
-        }
-        for (row, friction) in self.rows.chunks_exact(self.base.len()).zip(&mut self.friction) {
-            *friction += self.friction_places.iter().map(|i| row[*i] * x[*i]).sum::<f64>();
-        }
+        friction
     }
 
     /// Takes the last error into the integral of every joint whose torque was not at a limit (no wind-up).
@@ -191,19 +175,27 @@ impl ControlLaw {
         self.model.add_effects(&mut self.workspace, q, qd, qdd, tau);
     }
 
-    /// The same without friction, for base parameters `x` whose friction is 0. Real-time safe.
-    pub(crate) fn model_torque_without_friction(
+    /// The same in two parts \[N·m\]: friction, that of known effects included, and the rest. Real-time safe.
+    pub(crate) fn model_torque_apart(
         &mut self,
         q: &[f64],
         qd: &[f64],
         qdd: &[f64],
         x: &[f64],
-        tau: &mut [f64],
-    ) {
-        for (row, out) in self.regressor(q, qd, qdd).zip(tau.iter_mut()) {
-            *out = row.iter().zip(x).map(|(y, x)| y * x).sum();
+    ) -> [[f64; MAX_JOINTS]; 2] {
+        let [mut friction, mut rest] = [[0.0; MAX_JOINTS]; 2];
+        self.model.regressor(&mut self.workspace, q, qd, qdd, &mut self.full);
+        self.base.select(&self.full, self.model.len(), &mut self.rows);
+        for (j, row) in self.rows.chunks_exact(self.base.len()).enumerate() {
+            for ((y, x), is_friction) in row.iter().zip(x).zip(&self.is_friction) {
+                let part = if *is_friction { &mut friction[j] } else { &mut rest[j] };
+                *part += y * x;
+            }
         }
-        self.model.add_effects_without_friction(&mut self.workspace, q, qd, qdd, tau);
+        let dof = self.model.arm.dof();
+        let ws = &mut self.workspace;
+        self.model.add_effects_apart(ws, [q, qd, qdd], &mut friction[..dof], &mut rest[..dof]);
+        [friction, rest]
     }
 
     /// M(q), row-major, of base parameters `x`: column j is `Y(q, 0, e_j)·x − Y(q, 0, 0)·x`. Real-time safe.

@@ -97,7 +97,7 @@ impl Stop {
     pub(crate) fn advance(
         self,
         law: &mut ControlLaw,
-        x: Acting<'_>,
+        x: &[f64],
         stopping: &mut Stopping,
         lacking: &[f64; MAX_JOINTS],
         elapsed_s: f64,
@@ -107,13 +107,13 @@ impl Stop {
             return;
         }
         let n = law.dof();
-        let dry = x.friction_torque(law, &stopping.q, &stopping.speed);
+        let dry = friction_torque(law, x, &stopping.q, &stopping.speed);
         let mut net = *lacking;
         for j in 0..n {
             net[j] -= dry[j];
         }
-        let [dragged, moved] = accelerations_by(law, &stopping.q[..n], [lacking, &net], x.frictionless, mass);
-        let holding = x.friction_torque(law, &stopping.q, &[PROBE_SPEED; MAX_JOINTS]);
+        let [dragged, moved] = accelerations_by(law, &stopping.q[..n], [lacking, &net], x, mass);
+        let holding = friction_torque(law, x, &stopping.q, &[PROBE_SPEED; MAX_JOINTS]);
         let rest = (-elapsed_s / self.decay_s()).exp();
         for j in 0..n {
             let before = stopping.qd[j];
@@ -136,7 +136,7 @@ impl Stop {
     }
 
     /// Torque \[N·m\] of a stop that has lasted for `stopping_s`. `seen` are positions and velocities of a sample, if there is
-    /// one. `x` are base parameters without friction.
+    /// one. `x` are base parameters; friction is left out of the torque, since it helps to stop.
     ///
     /// * hold: what holds the first pose against gravity;
     /// * ramp: the last torque, reduced to zero in a straight line;
@@ -172,7 +172,8 @@ impl Stop {
                         q[j] = measured[j];
                     }
                 }
-                law.model_torque_without_friction(&q[..n], &qd[..n], &qdd[..n], x, tau);
+                let [_, rest] = law.model_torque_apart(&q[..n], &qd[..n], &qdd[..n], x);
+                tau.copy_from_slice(&rest[..n]);
                 stopping.qdd = qdd;
                 stopping.speed = stopping.qd;
                 if let Some([_, speed]) = seen {
@@ -185,22 +186,16 @@ impl Stop {
     }
 }
 
-/// Acting base parameters, with friction and without.
-#[derive(Clone, Copy)]
-pub(crate) struct Acting<'a> {
-    pub(crate) all: &'a [f64],
-    pub(crate) frictionless: &'a [f64],
-}
-
-impl Acting<'_> {
-    /// Torque of friction at velocities `qd` \[N·m\]. Real-time safe.
-    fn friction_torque(self, law: &mut ControlLaw, q: &[f64; MAX_JOINTS], qd: &[f64; MAX_JOINTS]) -> [f64; MAX_JOINTS] {
-        let (n, zero) = (law.dof(), [0.0; MAX_JOINTS]);
-        let [mut all, mut without] = [zero; 2];
-        law.model_torque(&q[..n], &qd[..n], &zero[..n], self.all, &mut all[..n]);
-        law.model_torque_without_friction(&q[..n], &qd[..n], &zero[..n], self.frictionless, &mut without[..n]);
-        core::array::from_fn(|j| FRICTION_SHARE * (all[j] - without[j]))
-    }
+/// Torque of friction at velocities `qd`, as far as a stop relies on it \[N·m\]. Real-time safe.
+fn friction_torque(
+    law: &mut ControlLaw,
+    x: &[f64],
+    q: &[f64; MAX_JOINTS],
+    qd: &[f64; MAX_JOINTS],
+) -> [f64; MAX_JOINTS] {
+    let n = law.dof();
+    let [friction, _] = law.model_torque_apart(&q[..n], &qd[..n], &[0.0; MAX_JOINTS][..n], x);
+    friction.map(|friction| FRICTION_SHARE * friction)
 }
 
 /// Positions and velocities now, of which those of `untrusted` joints are reckoned from the commands since `doubted` samples

@@ -1,7 +1,7 @@
 //! When the stop reaction begins and ends, and its commands.
 
 use super::Core;
-use crate::stop::{Acting, Stopping, doubted, reckon};
+use crate::stop::{Stopping, doubted, reckon};
 use crate::watch::Wrong;
 use rivet_dynamics::MAX_JOINTS;
 use rivet_ipc_schema::{Command, JointState, StopCause};
@@ -117,11 +117,11 @@ impl Core {
     ) -> Command {
         let n = self.dof;
         let mut tau = [0.0; MAX_JOINTS];
-        let x = self.without_friction();
+        let x = &self.acting[..self.count];
         if let Some(stopping) = &mut self.stopping {
             stopping.periods = stopping.periods.saturating_add(elapsed);
             let stopping_s = stopping.periods as f64 * self.period_s;
-            self.stop.torque(&mut self.law, &x[..self.count], stopping, seen, stopping_s, &mut tau[..n]);
+            self.stop.torque(&mut self.law, x, stopping, seen, stopping_s, &mut tau[..n]);
         }
         let command = self.give(seq, stamp_ns, tau, None);
         if let Some(stopping) = &mut self.stopping {
@@ -131,7 +131,7 @@ impl Core {
                 let lack = command.tau[j] - tau[j];
                 lacking[j] = if lack.is_finite() { lack } else { 0.0 };
             }
-            let x = Acting { all: &self.acting[..self.count], frictionless: &x[..self.count] };
+            let x = &self.acting[..self.count];
             let elapsed_s = elapsed as f64 * self.period_s;
             self.stop.advance(&mut self.law, x, stopping, &lacking, elapsed_s, &mut self.mass);
         }

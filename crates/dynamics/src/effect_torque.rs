@@ -20,29 +20,36 @@ impl Model {
     /// Adds the torque of all known effects that follow from one instant to that of the regressor: `tau` \[N·m\] becomes
     /// what the drives report. Real-time safe.
     pub fn add_effects(&self, ws: &mut Workspace, q: &[f64], qd: &[f64], qdd: &[f64], tau: &mut [f64]) {
-        self.add_effects_with(self.structure.sign_velocity, ws, [q, qd, qdd], tau);
-    }
-
-    /// The same without friction that turns round with the velocity (Stribeck, load-dependent, over the angle): what is left is
-    /// continuous in time where the motion is. Real-time safe.
-    pub fn add_effects_without_friction(
-        &self,
-        ws: &mut Workspace,
-        q: &[f64],
-        qd: &[f64],
-        qdd: &[f64],
-        tau: &mut [f64],
-    ) {
-        // So slow is every motion that friction has no direction.
-        self.add_effects_with(f64::INFINITY, ws, [q, qd, qdd], tau);
-    }
-
-    fn add_effects_with(&self, v0: f64, ws: &mut Workspace, [q, qd, qdd]: [&[f64]; 3], tau: &mut [f64]) {
         if self.effects().is_empty() {
             return;
         }
-        let torques = self.effect_torque(v0, ws, q, qd, qdd);
+        let [torques, _] = self.effect_torque(ws, q, qd, qdd);
         tau.iter_mut().zip(torques).for_each(|(tau, torque)| *tau += torque);
+        self.scale_by_constants(tau);
+    }
+
+    /// The same in two parts \[N·m\]: what of it is friction is added to `friction`, what is left to `rest`. Real-time safe.
+    pub fn add_effects_apart(
+        &self,
+        ws: &mut Workspace,
+        [q, qd, qdd]: [&[f64]; 3],
+        friction: &mut [f64],
+        rest: &mut [f64],
+    ) {
+        if self.effects().is_empty() {
+            return;
+        }
+        let [torques, of_friction] = self.effect_torque(ws, q, qd, qdd);
+        for (j, (friction, rest)) in friction.iter_mut().zip(rest.iter_mut()).enumerate() {
+            *friction += of_friction[j];
+            *rest += torques[j] - of_friction[j];
+        }
+        self.scale_by_constants(friction);
+        self.scale_by_constants(rest);
+    }
+
+    /// Torque of the joints as the drives report it, by their torque constants.
+    fn scale_by_constants(&self, tau: &mut [f64]) {
         for effect in self.effects().list() {
             if effect.kind == EffectKind::TorqueConstant {
                 tau[effect.joint] *= 1.0 + effect.values[0];
@@ -63,14 +70,14 @@ impl Model {
                 *tau = if cut { tau.max(-size).min(size) } else { *tau / (1.0 + size) };
             }
         }
-        let torques = self.effect_torque(self.structure.sign_velocity, ws, q, qd, qdd);
+        let [torques, _] = self.effect_torque(ws, q, qd, qdd);
         tau.iter_mut().zip(torques).for_each(|(tau, torque)| *tau -= torque);
     }
 
-    /// Torque of the effects beside the regressor's, torque constants left out; `v0`: as of [`friction_sign`].
-    fn effect_torque(&self, v0: f64, ws: &mut Workspace, q: &[f64], qd: &[f64], qdd: &[f64]) -> [f64; MAX_JOINTS] {
-        let (effects, n) = (self.effects(), self.arm.dof());
-        let mut out = [0.0; MAX_JOINTS];
+    /// Torque of the effects beside the regressor's, torque constants left out; and what of it is friction.
+    fn effect_torque(&self, ws: &mut Workspace, q: &[f64], qd: &[f64], qdd: &[f64]) -> [[f64; MAX_JOINTS]; 2] {
+        let (effects, n, v0) = (self.effects(), self.arm.dof(), self.structure.sign_velocity);
+        let [mut out, mut friction] = [[0.0; MAX_JOINTS]; 2];
         let mut carried = [0.0; MAX_JOINTS];
         if effects.loads || effects.displaces {
             inverse_dynamics(&self.arm, &self.arm.links, ws, q, qd, qdd, &mut carried[..n]);
@@ -104,10 +111,14 @@ impl Model {
                 let both = coulomb * friction_sign(v, v0) + viscous * v;
                 out[i] += both + inertia * qdd[j];
                 out[j] += both + inertia * qdd[i];
+                friction[i] += both;
+                friction[j] += both;
             } else {
-                out[j] += own_torque(effect, friction_sign(qd[j], v0), carried[j], q[j], qd[j]);
+                let torque = own_torque(effect, friction_sign(qd[j], v0), carried[j], q[j], qd[j]);
+                out[j] += torque;
+                friction[j] += if effect.kind.is_friction() { torque } else { 0.0 };
             }
         }
-        out
+        [out, friction]
     }
 }

@@ -70,6 +70,18 @@ impl EffectKind {
         matches!(self, EffectKind::TransportDelay | EffectKind::CurrentLoopLag | EffectKind::BaseFlexibility)
     }
 
+    /// Whether its torque at an instant is friction: it opposes the joint's motion and turns round with it.
+    pub(crate) fn is_friction(self) -> bool {
+        matches!(
+            self,
+            EffectKind::FrictionAsymmetry
+                | EffectKind::StribeckFriction
+                | EffectKind::ViscousNonlinearity
+                | EffectKind::LoadDependentFriction
+                | EffectKind::PositionDependentFriction
+        )
+    }
+
     /// Why its torque does not follow from position, speed and acceleration of one instant; none if it does.
     pub fn not_instant(self) -> Option<&'static str> {
         match self {
