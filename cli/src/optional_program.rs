@@ -6,18 +6,32 @@ use std::process::{Command, ExitCode};
 
 use anyhow::{Context as _, Result, bail};
 
+/// Arguments: all of them are the program's.
+#[derive(clap::Args)]
+#[command(disable_help_flag = true)]
+pub(crate) struct Args {
+    /// Robot file and options of the program; --help lists them
+    #[arg(value_name = "ROBOT.toml", trailing_var_arg = true, allow_hyphen_values = true)]
+    words: Vec<OsString>,
+}
+
+/// `rivet ros2` brings DDS.
+pub(crate) const ROS2: OptionalProgram = OptionalProgram { name: "rivet-ros2", folder: "crates/ros2" };
+/// `rivet view` brings WebSocket.
+pub(crate) const VIEW: OptionalProgram = OptionalProgram { name: "rivet-view", folder: "crates/view" };
+
 /// A program that is built apart.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct OptionalProgram {
     /// Its name, and that of its package.
-    pub(crate) name: &'static str,
+    name: &'static str,
     /// The folder of its package below the workspace.
-    pub(crate) folder: &'static str,
+    folder: &'static str,
 }
 
 impl OptionalProgram {
     /// Replaces this process by the program of the same folder; returns only where that cannot be.
-    pub(crate) fn run(self, words: &[OsString]) -> Result<ExitCode> {
+    pub(crate) fn run(self, args: &Args) -> Result<ExitCode> {
         let OptionalProgram { name, folder } = self;
         let this = std::env::current_exe().context("cannot find this program's own file")?;
         let program = this.with_file_name(name);
@@ -28,7 +42,7 @@ impl OptionalProgram {
             );
         }
         // It takes this process's place: signals and the exit code are its own.
-        let why = Command::new(&program).args(words).exec();
+        let why = Command::new(&program).args(&args.words).exec();
         Err(why).with_context(|| format!("cannot start {}", program.display()))
     }
 }

@@ -47,9 +47,9 @@ mod tests {
 
     #[test]
     fn arguments_are_table_samples_and_bus() {
-        let all = parsed("arm.toml 5 test /tmp/test").expect("they are right");
+        let all = parsed("arm.toml 5 test bus-root").expect("they are right");
         assert_eq!((all.table.as_str(), all.samples), ("arm.toml", 5));
-        assert_eq!((all.bus.prefix.as_str(), all.bus.root), ("test", "/tmp/test".into()));
+        assert_eq!((all.bus.prefix.as_str(), all.bus.root), ("test", "bus-root".into()));
         let one = parsed("arm.toml").expect("it is right");
         assert_eq!((one.samples, one.bus.prefix), (10_000, BusConfig::default().prefix));
     }
@@ -62,7 +62,7 @@ mod tests {
             ("arm.toml abc", "SAMPLES is \"abc\"; it must be a whole number, 0 to 4294967295"),
             ("arm.toml -5", "SAMPLES is \"-5\"; it must"),
             ("arm.toml 5 test", "ROOT is missing"),
-            ("arm.toml 5 test /tmp/test more", "\"more\" is one argument too many"),
+            ("arm.toml 5 test bus-root more", "\"more\" is one argument too many"),
         ] {
             let why = parsed(line).expect_err(line);
             assert!(why.starts_with(message) && why.ends_with(USAGE), "{line}: {why}");

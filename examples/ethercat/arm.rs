@@ -244,13 +244,13 @@ mod tests {
         for table in [table(), position_table()] {
             let mut recorder = Recorder::new(ENABLED);
             let mut arm = arm(&mut recorder, table);
-            let held = arm.inputs[0].position;
+            let start = arm.inputs[0].position;
             for _ in 0..50 {
                 assert_eq!(arm.exchange().expect("a frame").faults, 0);
                 arm.command(&[0.0], &[0.0]);
             }
             assert_eq!(arm.bus.words(), [ENABLE_OPERATION]);
-            assert_eq!((arm.bus.sent[0].position, arm.bus.sent[0].torque), (held, 0));
+            assert_eq!((arm.bus.sent[0].position, arm.bus.sent[0].torque), (start, 0));
         }
     }
 

@@ -54,8 +54,8 @@ fn run(arguments: &[String]) -> Result<(), Box<dyn std::error::Error>> {
         missed = if command.is_some() { 0 } else { missed + 1 };
         for j in 0..joints {
             // The arm's own controller.
-            let own = 100.0 * (sample.q_des[j] - sample.q[j]) + 10.0 * (sample.qd_des[j] - arm.velocity(j));
-            last[j] = command.map_or(if missed < 20 { last[j] } else { own }, |command| command.tau[j]);
+            let feedback = 100.0 * (sample.q_des[j] - sample.q[j]) + 10.0 * (sample.qd_des[j] - arm.velocity(j));
+            last[j] = command.map_or(if missed < 20 { last[j] } else { feedback }, |command| command.tau[j]);
         }
         arm.command(&sample.q_des, &last);
     }

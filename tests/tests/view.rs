@@ -260,8 +260,8 @@ fn an_independent_client_gets_everything_and_the_loop_does_not_know_of_it() {
     let toml = toml.to_str().expect("a path");
     let mut command = on_bus(rivet_view(), config, &[toml, "--port", "0"]);
     let mut view = Process::start(command.stderr(Stdio::piped()));
-    let said = lines(view.0.stderr.take().expect("a pipe"));
-    let first = said.recv_timeout(Duration::from_secs(300)).expect("it reports where it listens");
+    let stderr = lines(view.0.stderr.take().expect("a pipe"));
+    let first = stderr.recv_timeout(Duration::from_secs(300)).expect("it reports where it listens");
     let address = first.split_once("ws://").unwrap_or_else(|| panic!("{first}")).1.to_owned();
     let out = folder.path().join("run.mcap");
     let mut record = on_bus(rivet(), config, &["record", toml, out.to_str().expect("a path")]);

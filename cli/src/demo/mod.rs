@@ -170,7 +170,13 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let hidden = Hidden::draw(&robot, args.seed)?;
     let true_robot = hidden.robot_file(&robot, &robot_file, &folder)?;
     let files = Files { robot: robot_file, true_robot, truth, log, verdict, patched, folder };
-    start(&mut children, args, &robot, &files, private.config())?;
+    let bus = private.config();
+    let mut sim = sim(args, &files, bus);
+    let [truth, run] = [&files.truth, &files.log].map(|path| path.to_string_lossy().into_owned());
+    sim.extend(["--truth-out", &truth, "--log-out", &run].map(str::to_owned));
+    // On the robot file first, on identified parameters later.
+    let switch = (SWITCH_S / robot.config.sample_period_s).round().to_string();
+    start(&mut children, &files, (&files.robot, ""), bus, &["--adopt-from", &switch], sim)?;
 
     let truth = wait_for_truth(&files.truth, &robot, &mut children, &shutdown)?;
     let reference = Reference::new(&robot, truth);
@@ -233,20 +239,23 @@ fn sim(args: &Args, files: &Files, bus: &BusConfig) -> Vec<String> {
     sim
 }
 
-/// Starts daemon, controller and true arm: on the robot file first, on identified parameters later.
-fn start(children: &mut Children, args: &Args, robot: &Robot, files: &Files, bus: &BusConfig) -> Result<()> {
-    let log = |name: &str| output_file(&files.folder.join(name)).map(Some);
-    let switch = (SWITCH_S / robot.config.sample_period_s).round() as u64;
-    let mut daemon = words("daemon", &files.robot, bus);
+/// Starts daemon and controller on `model`, and the true arm. `label` is in the names of their messages' files.
+fn start(
+    children: &mut Children,
+    files: &Files,
+    (model, label): (&Path, &str),
+    bus: &BusConfig,
+    controller_words: &[&str],
+    sim: Vec<String>,
+) -> Result<()> {
+    let mut daemon = words("daemon", model, bus);
     daemon.push("--best-effort".to_owned());
-    children.start(&daemon, log("daemon.log")?)?;
-    let mut controller = words("controller", &files.robot, bus);
-    controller.extend(["--best-effort", "--lockstep", "--adopt-from", &switch.to_string()].map(str::to_owned));
-    children.start(&controller, log("controller.log")?)?;
-    let mut sim = sim(args, files, bus);
-    let [truth, run] = [&files.truth, &files.log].map(|path| path.to_string_lossy().into_owned());
-    sim.extend(["--truth-out", &truth, "--log-out", &run].map(str::to_owned));
-    children.start(&sim, log("sim.log")?)
+    let mut controller = words("controller", model, bus);
+    controller.extend(["--best-effort", "--lockstep"].iter().chain(controller_words).map(|word| (*word).to_owned()));
+    for (name, words) in [("daemon", daemon), ("controller", controller), ("sim", sim)] {
+        children.start(&words, Some(output_file(&files.folder.join(format!("{name}{label}.log")))?))?;
+    }
+    Ok(())
 }
 
 /// The same arm and motion on the patched model, which acts from the start. No parameter is identified for the controller.
@@ -255,14 +264,8 @@ fn adopt(args: &Args, model: &Path, files: &Files, shutdown: &Shutdown) -> Resul
     let mut children = Children::default();
     let robot = rivet_config::load(model)?;
     let ports = Ports::open(&robot, &private)?;
-    let log = |name: &str| output_file(&files.folder.join(name)).map(Some);
-    let mut daemon = words("daemon", model, private.config());
-    daemon.push("--best-effort".to_owned());
-    children.start(&daemon, log("daemon-patched.log")?)?;
-    let mut controller = words("controller", model, private.config());
-    controller.extend(["--best-effort", "--lockstep", "--nominal"].map(str::to_owned));
-    children.start(&controller, log("controller-patched.log")?)?;
-    children.start(&sim(args, files, private.config()), log("sim-patched.log")?)?;
+    let bus = private.config();
+    start(&mut children, files, (model, "-patched"), bus, &["--nominal"], sim(args, files, bus))?;
     let phases = vec![(Acting::Patched, SETTLE_S)];
     let received = watch(&Run { robot: &robot, ports: &ports, reference: None, phases }, &mut children, shutdown)?;
     children.end();

@@ -26,13 +26,13 @@ impl Table<'_> {
             let square: f64 = rms.iter().zip(limits).map(|(r, limit)| (r / limit).powi(2)).sum();
             100.0 * (square / limits.len() as f64).sqrt()
         };
-        let of = |health: Option<&Health>, rms: fn(&Health) -> &[f64]| health.map_or(f64::NAN, |h| over(rms(h)));
+        let share = |health: Option<&Health>, rms: fn(&Health) -> &[f64]| health.map_or(f64::NAN, |h| over(rms(h)));
         let (first, adopted) = (self.first.health.as_ref(), self.adopted.and_then(|run| run.health.as_ref()));
         // The values of the patched file are the nominal ones of its own run.
         [
-            of(first, |h| &h.nominal_residual_rms),
-            of(first, |h| &h.residual_rms),
-            of(adopted, |h| &h.nominal_residual_rms),
+            share(first, |h| &h.nominal_residual_rms),
+            share(first, |h| &h.residual_rms),
+            share(adopted, |h| &h.nominal_residual_rms),
         ]
     }
 

@@ -173,7 +173,7 @@ impl Events {
 mod tests {
     use super::*;
 
-    fn said(events: &mut Events) -> Vec<String> {
+    fn drained(events: &mut Events) -> Vec<String> {
         events.drain(1_500_000_002).map(|line| format!("{} {}: {}", line.level, line.name, line.message)).collect()
     }
 
@@ -184,20 +184,20 @@ mod tests {
         let mut health = ControllerHealth { stops: 1, stop_cause: 10, ..ControllerHealth::default() };
         health.stop_causes[10] = 1;
         events.take_controller(&names, &health);
-        assert_eq!(said(&mut events), ["2 rivet-controller: 1 stop before this log begins"]);
+        assert_eq!(drained(&mut events), ["2 rivet-controller: 1 stop before this log begins"]);
         (health.stops, health.stop_causes[15], health.stop_cause, health.stop_joints) = (2, 1, 15, 2);
         events.take_controller(&names, &health);
-        assert_eq!(said(&mut events), ["4 rivet-controller: stop: tracking error of elbow"]);
+        assert_eq!(drained(&mut events), ["4 rivet-controller: stop: tracking error of elbow"]);
         events.take_controller(&names, &health);
-        assert_eq!(said(&mut events), [""; 0]);
+        assert_eq!(drained(&mut events), [""; 0]);
         // Two more stops between two reports, of another cause.
         (health.stops, health.stop_causes[10], health.stop_cause, health.stop_joints) = (4, 3, 10, 0);
         events.take_controller(&names, &health);
-        assert_eq!(said(&mut events), ["4 rivet-controller: stop: too fast, 2 times"]);
+        assert_eq!(drained(&mut events), ["4 rivet-controller: stop: too fast, 2 times"]);
         let mut fresh = ControllerHealth { stops: 1, stop_cause: 1, ..ControllerHealth::default() };
         fresh.stop_causes[1] = 1;
         events.take_controller(&names, &fresh);
-        assert_eq!(said(&mut events), ["4 rivet-controller: stop: silence"]);
+        assert_eq!(drained(&mut events), ["4 rivet-controller: stop: silence"]);
     }
 
     #[test]
@@ -205,14 +205,14 @@ mod tests {
         let mut events = Events::new();
         let mut states = States { daemon: "estimating".to_owned(), input_fault: "none".to_owned(), ..States::new() };
         events.take_states(&states);
-        assert_eq!(said(&mut events), ["2 rivetd: estimating"]);
+        assert_eq!(drained(&mut events), ["2 rivetd: estimating"]);
         (states.input_fault, states.input_joints) = ("frozen".to_owned(), "elbow".to_owned());
         events.take_states(&states);
-        assert_eq!(said(&mut events), ["3 rivetd: input fault: frozen of elbow"]);
+        assert_eq!(drained(&mut events), ["3 rivetd: input fault: frozen of elbow"]);
         states.input_fault = "none".to_owned();
         states.daemon = SILENT.to_owned();
         events.take_states(&states);
-        assert_eq!(said(&mut events), ["4 rivetd: silent", "2 rivetd: input fault over: frozen"]);
+        assert_eq!(drained(&mut events), ["4 rivetd: silent", "2 rivetd: input fault over: frozen"]);
         events.warn("x".to_owned());
         let line = events.drain(1_500_000_002).next().expect("a line");
         assert_eq!((line.timestamp.sec, line.timestamp.nsec), (1, 500_000_002));

@@ -3,6 +3,8 @@
 use std::net::IpAddr;
 use std::path::PathBuf;
 
+use rivet_service::{BridgeOptions, within};
+
 use crate::messages::dds_topic;
 
 /// Topic of what a joint trajectory controller plans, under the usual name of the controller.
@@ -36,21 +38,9 @@ pub struct Options {
     /// Use only the network interface with this address (again for more)
     #[arg(long, value_name = "IP")]
     pub interface: Vec<IpAddr>,
-    /// End after so many seconds
-    #[arg(long, value_name = "S", value_parser = seconds)]
-    pub seconds: Option<f64>,
-    /// Print the counts at the end as JSON
-    #[arg(long)]
-    pub json: bool,
-    /// Override `[bus] prefix`
-    #[arg(long)]
-    pub prefix: Option<String>,
-    /// Override `[bus] root`
-    #[arg(long)]
-    pub root: Option<PathBuf>,
-    /// End when the process that started this one ends
-    #[arg(long, hide = true)]
-    pub die_with_parent: bool,
+    /// What it shares with other bridges.
+    #[command(flatten)]
+    pub bridge: BridgeOptions,
 }
 
 /// Messages that hold a setpoint.
@@ -68,17 +58,8 @@ fn topic(text: &str) -> Result<String, String> {
     Ok(text.to_owned())
 }
 
-fn within(text: &str, least: f64, most: f64) -> Result<f64, String> {
-    let value: f64 = text.parse().map_err(|_| "no number".to_owned())?;
-    if (least..=most).contains(&value) { Ok(value) } else { Err(format!("it must lie in {least} to {most}")) }
-}
-
 fn patience(text: &str) -> Result<f64, String> {
     within(text, 0.0, 1000.0)
-}
-
-fn seconds(text: &str) -> Result<f64, String> {
-    within(text, 1e-3, 1e9)
 }
 
 impl Options {

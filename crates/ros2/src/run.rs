@@ -172,7 +172,7 @@ impl Inputs {
 /// # Errors
 /// Why it did not start, or ended.
 pub fn run(options: &Options) -> Result<(), Failure> {
-    if options.die_with_parent {
+    if options.bridge.die_with_parent {
         rivet_realtime::die_with_parent()?;
     }
     let variable = std::env::var("ROS_DOMAIN_ID").ok();
@@ -181,8 +181,8 @@ pub fn run(options: &Options) -> Result<(), Failure> {
     let urdf = std::fs::read_to_string(&robot.config.urdf)
         .map_err(|why| Failure::File { path: robot.config.urdf.display().to_string(), why })?;
     let config = BusConfig {
-        prefix: options.prefix.clone().unwrap_or_else(|| robot.config.bus.prefix.clone()),
-        root: options.root.clone().unwrap_or_else(|| robot.config.bus.root.clone()),
+        prefix: options.bridge.prefix.clone().unwrap_or_else(|| robot.config.bus.prefix.clone()),
+        root: options.bridge.root.clone().unwrap_or_else(|| robot.config.bus.root.clone()),
     };
     let shutdown = Shutdown::on_signals()?;
     let mut sender = rivet::Robot::open(&config, &robot.config.name, robot.model.arm.dof() as u32)?;
@@ -215,7 +215,7 @@ pub fn run(options: &Options) -> Result<(), Failure> {
     let lost = bus_lost(&sender);
     let summary = summary(options, domain, &topics, &mut intake, &shared, lost);
     let text = rivet_files::printable_json(serde_json::to_string_pretty(&summary).unwrap_or_default() + "\n");
-    if options.json {
+    if options.bridge.json {
         // A pipe that is gone changes nothing here.
         let _ = std::io::stdout().write_all(text.as_bytes());
     } else {
@@ -242,11 +242,11 @@ impl Turns<'_> {
     fn all(&mut self, inputs: &mut Inputs, intake: &mut Intake, sender: &mut rivet::Robot) -> Result<(), Failure> {
         let begin = Instant::now();
         let mut events = Events::with_capacity(16);
-        let mut status_line = StatusLine::new(!self.options.json);
+        let mut status_line = StatusLine::new(!self.options.bridge.json);
         let mut counted: Option<Instant> = None;
         // Since when, and how many joint states had been refused then.
         let mut misfit: Option<(Instant, u64)> = None;
-        let is_over = || self.options.seconds.is_some_and(|seconds| begin.elapsed().as_secs_f64() >= seconds);
+        let is_over = || self.options.bridge.seconds.is_some_and(|seconds| begin.elapsed().as_secs_f64() >= seconds);
         while !self.shutdown.is_requested() && !is_over() {
             inputs.wait(&mut events, if intake.waits() { SHORT_TURN } else { TURN })?;
             inputs.take(intake, self.options)?;

@@ -3,12 +3,14 @@
 //!
 //! Without a service manager every call to it does nothing, and the log is plain text on standard error.
 
+mod bridge_options;
 mod command_line;
 mod flight;
 mod journal;
 mod manager;
 mod state_folder;
 
+pub use bridge_options::{BridgeOptions, within};
 pub use command_line::{USAGE, command_line};
 pub use flight::{Flight, RECORDED, Reason, abort_on_panic};
 pub use journal::log_as;

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use rivet_service::{BridgeOptions, within};
+
 /// Shows a running robot in Foxglove: serves its messages, friction curves, residuals and states over WebSocket. Reads only.
 #[derive(Clone, Debug, clap::Parser)]
 #[command(
@@ -23,37 +25,16 @@ pub struct Options {
     /// Most messages a second of joint states, setpoints, second encoders and parameters each
     #[arg(long, value_name = "HZ", default_value_t = 100.0, value_parser = rate)]
     pub rate: f64,
-    /// End after so many seconds
-    #[arg(long, value_name = "S", value_parser = seconds)]
-    pub seconds: Option<f64>,
     /// Write the Foxglove layout for this robot, and end
     #[arg(long, value_name = "OUT.json")]
     pub layout: Option<PathBuf>,
-    /// Print the counts at the end as JSON
-    #[arg(long)]
-    pub json: bool,
-    /// Override `[bus] prefix`
-    #[arg(long)]
-    pub prefix: Option<String>,
-    /// Override `[bus] root`
-    #[arg(long)]
-    pub root: Option<PathBuf>,
-    /// End when the process that started this one ends
-    #[arg(long, hide = true)]
-    pub die_with_parent: bool,
-}
-
-fn within(text: &str, least: f64, most: f64) -> Result<f64, String> {
-    let value: f64 = text.parse().map_err(|_| "no number".to_owned())?;
-    if (least..=most).contains(&value) { Ok(value) } else { Err(format!("it must lie in {least} to {most}")) }
+    /// What it shares with other bridges.
+    #[command(flatten)]
+    pub bridge: BridgeOptions,
 }
 
 fn rate(text: &str) -> Result<f64, String> {
     within(text, 0.1, 10_000.0)
-}
-
-fn seconds(text: &str) -> Result<f64, String> {
-    within(text, 1e-3, 1e9)
 }
 
 #[cfg(test)]

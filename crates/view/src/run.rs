@@ -81,7 +81,7 @@ fn is_thinned(content: &Content) -> bool {
 /// # Errors
 /// Why it did not start, or ended.
 pub fn run(options: &Options) -> Result<(), Failure> {
-    if options.die_with_parent {
+    if options.bridge.die_with_parent {
         rivet_realtime::die_with_parent()?;
     }
     let robot = rivet_config::load(&options.robot)?;
@@ -90,8 +90,8 @@ pub fn run(options: &Options) -> Result<(), Failure> {
     }
     let name = &robot.config.name;
     let config = BusConfig {
-        prefix: options.prefix.clone().unwrap_or_else(|| robot.config.bus.prefix.clone()),
-        root: options.root.clone().unwrap_or_else(|| robot.config.bus.root.clone()),
+        prefix: options.bridge.prefix.clone().unwrap_or_else(|| robot.config.bus.prefix.clone()),
+        root: options.bridge.root.clone().unwrap_or_else(|| robot.config.bus.root.clone()),
     };
     let shutdown = Shutdown::on_signals()?;
     let about = About::new(&robot, now_ns());
@@ -170,10 +170,10 @@ struct View<'a> {
 impl View<'_> {
     fn serve(&mut self, shutdown: &Shutdown, name: &str) -> Result<(), Failure> {
         let begin = Instant::now();
-        let mut line = StatusLine::new(!self.options.json);
+        let mut line = StatusLine::new(!self.options.bridge.json);
         let mut counted: Option<Instant> = None;
         let mut received = Vec::new();
-        let is_over = || self.options.seconds.is_some_and(|seconds| begin.elapsed().as_secs_f64() >= seconds);
+        let is_over = || self.options.bridge.seconds.is_some_and(|seconds| begin.elapsed().as_secs_f64() >= seconds);
         while !shutdown.is_requested() && !is_over() {
             let now = now_ns();
             self.ports.take(now, &mut |message| received.push(message))?;
@@ -265,7 +265,7 @@ impl View<'_> {
     fn finish(self, name: &str, seconds: f64) {
         let counts = self.counts(now_ns());
         let (_, ever) = self.server.clients();
-        if self.options.json {
+        if self.options.bridge.json {
             let value = json!({"robot": name, "address": self.server.address().to_string(), "seconds": seconds,
                                "clients": ever, "refused_connections": self.server.refused(),
                                "foreign": counts.foreign, "topics": counts.topics});

@@ -16,8 +16,8 @@ fn runs(program: &str, arguments: &[&str]) -> bool {
 /// What a command printed; a failure is the test's.
 fn succeed(command: &mut Command) -> String {
     let output = command.output().unwrap_or_else(|why| panic!("{command:?}: {why}"));
-    let said = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{command:?} ended with {}\n{said}", output.status);
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{command:?} ended with {}\n{errors}", output.status);
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
