@@ -176,6 +176,22 @@ mod tests {
         assert_eq!(out.largest_step()[..2], [4.0, 10.0]);
     }
 
+    /// Friction that turns round takes the rate limit 16 commands. The joint stands meanwhile: nothing lacks that would accelerate it.
+    #[test]
+    fn friction_that_turns_round_is_not_lacking() {
+        let lacking = |friction: f64| {
+            let limits = Limits { torque: vec![10.0, 10.0], step: vec![1.0, 1.0] };
+            let mut out = Output::new(limits, 4, 0.001);
+            let mut give = |sign: f64| out.apply(&mut [sign * 8.0, 0.0], &[sign * friction; MAX_JOINTS]).lacking[0];
+            for _ in 0..40 {
+                give(1.0);
+            }
+            (0..40).map(|_| give(-1.0).abs()).fold(0.0, f64::max)
+        };
+        assert_eq!(lacking(8.0), 0.0);
+        assert!(lacking(0.0) > 1.0, "{}", lacking(0.0));
+    }
+
     #[test]
     fn a_torque_that_is_no_number_keeps_the_last_command() {
         let mut out = output();

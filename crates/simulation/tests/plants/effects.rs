@@ -61,6 +61,51 @@ fn the_model_with_effects_explains_the_plant() {
     }
 }
 
+/// Friction and the rest are the whole; friction turns round with the velocity, and other effects have none.
+#[test]
+fn the_two_parts_of_effects_add_up() {
+    use EffectKind as Kind;
+    let friction = [
+        (Kind::StribeckFriction, &[2.0, 0.5][..]),
+        (Kind::ViscousNonlinearity, &[0.8, 0.3]),
+        (Kind::LoadDependentFriction, &[0.1]),
+        (Kind::PositionDependentFriction, &[0.7, -0.9, 2.0]),
+    ];
+    let others = [
+        (Kind::TorqueRipple, &[0.8, 0.4, 30.0][..]),
+        (Kind::JointSpring, &[6.0]),
+        (Kind::Counterbalance, &[20.0, -8.0, 0.4, 0.3]),
+        (Kind::EncoderEccentricity, &[0.01, -0.02]),
+    ];
+    let mut random = Random::new(11);
+    for constant in [0.0, 0.08] {
+        for (at, (kind, values)) in friction.iter().chain(&others).enumerate() {
+            let constant = KnownEffect::new(Kind::TorqueConstant, 2, &[constant]);
+            let (model, _) = arm(&[KnownEffect::new(*kind, 2, values), constant]);
+            let mut ws = Workspace::new(&model.arm);
+            for _ in 0..20 {
+                let [q, qd, qdd] = [2.0, 1.0, 5.0].map(|reach| [(); 6].map(|()| random.uniform(-reach, reach)));
+                let mut parts = |qd: &[f64; 6]| {
+                    let [mut part, mut rest, mut whole] = [[0.0; 6]; 3];
+                    model.add_effects_apart(&mut ws, [&q, qd, &qdd], &mut part, &mut rest);
+                    model.add_effects(&mut ws, &q, qd, &qdd, &mut whole);
+                    for j in 0..6 {
+                        assert!((part[j] + rest[j] - whole[j]).abs() < 1e-12, "{}: {whole:?}", kind.name());
+                    }
+                    (part[2], rest[2])
+                };
+                let ((part, rest), (back, _)) = (parts(&qd), parts(&qd.map(|v| -v)));
+                if at < friction.len() {
+                    assert!(part != 0.0 && rest == 0.0, "{}: {part} and {rest}", kind.name());
+                    assert!((part + back).abs() < 1e-12, "{}: {part}, reversed {back}", kind.name());
+                } else {
+                    assert!(part == 0.0 && rest != 0.0, "{}: {part} and {rest}", kind.name());
+                }
+            }
+        }
+    }
+}
+
 /// A joint that cannot move shows what its drive gives: late, lagging, cut.
 #[test]
 fn torque_arrives_late_lagging_and_cut() {
