@@ -142,7 +142,7 @@ mod tests {
         (ControlLaw::new(settings.law, robot.model, robot.base, &x, gains, PERIOD_S), x, dof)
     }
 
-    /// Reference of a plan of accelerations of joint 1, which stands at the other one: `[q - plan, τ]` in each period.
+    /// Reference of a plan of accelerations of joint 1, which stands at the other one: `[q - plan, τ without friction]` in each period.
     fn references(accelerations: impl Iterator<Item = f64>) -> Vec<[f64; 2]> {
         let (mut law, x, dof) = law();
         let limits = Limits { torque: vec![150.0, 15.0], step: vec![STEP; dof] };
@@ -152,8 +152,8 @@ mod tests {
             plan.qdd[0] = a;
             let mut desired = plan;
             governor.apply(&mut desired, &mut law, &x, &mut mass, 1);
-            let (away, mut tau) = (desired.q[0] - plan.q[0], [0.0; MAX_JOINTS]);
-            law.model_torque(&desired.q[..dof], &desired.qd[..dof], &desired.qdd[..dof], &x, &mut tau[..dof]);
+            let away = desired.q[0] - plan.q[0];
+            let [_, tau] = law.model_torque_apart(&desired.q[..dof], &desired.qd[..dof], &desired.qdd[..dof], &x);
             plan.q[0] += plan.qd[0] * PERIOD_S + 0.5 * a * PERIOD_S * PERIOD_S;
             plan.qd[0] += a * PERIOD_S;
             [away, tau[0]]
