@@ -31,6 +31,9 @@ pub(crate) struct Args {
     /// Write the scores as JSON. The page of `rivet diagnose --html` shows an array of several sets.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// Write the figures as a table in Markdown.
+    #[arg(long, value_name = "FILE")]
+    markdown: Option<PathBuf>,
     /// Name of the set [default: name of its folder].
     #[arg(long, value_name = "NAME")]
     name: Option<String>,
@@ -106,7 +109,10 @@ struct Shrink {
 }
 
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
-    Outputs::given(vec![&args.verdicts, &args.answers]).file("--json", args.json.as_ref()).check()?;
+    Outputs::given(vec![&args.verdicts, &args.answers])
+        .file("--json", args.json.as_ref())
+        .file("--markdown", args.markdown.as_ref())
+        .check()?;
     let verdicts: BTreeMap<String, serde_json::Value> = read(&args.verdicts)?;
     // A diagnosis that failed names nothing, which must not pass for a right answer.
     let failed: Vec<&String> =
@@ -142,6 +148,9 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     if let Some(path) = &args.json {
         let text = rivet_files::printable_json(serde_json::to_string_pretty(&tally.0)? + "\n");
         write_whole(path, &text).with_context(|| path.display().to_string())?;
+    }
+    if let Some(path) = &args.markdown {
+        write_whole(path, tally.0.markdown()).with_context(|| path.display().to_string())?;
     }
     show(&table.text())?;
     show(&tally.text())?;
@@ -285,30 +294,9 @@ impl Tally {
 
     fn text(&self) -> String {
         let score = &self.0;
-        let share = |part: usize, whole: usize| {
-            if whole == 0 { "none".to_owned() } else { format!("{part} of {whole}") }
-        };
-        let named_though =
-            |truth: &str| score.outcome(truth).map_or_else(|| "none".to_owned(), |o| share(o.cases - o.right, o.cases));
-        let lines = [
-            format!("visible effects named, or in a class that holds them: {}", share(score.named(), score.visible())),
-            format!("right joint, of those: {}", share(score.right_joint, score.named())),
-            format!("false names: {}", score.beside),
-            format!(
-                "names that stand for a class: {}, with {} others in all",
-                share(score.classes, score.names),
-                score.class_members
-            ),
-            format!(
-                "of these where no effect can be seen: {} in {} cases",
-                score.invisible_beside, score.invisible_cases
-            ),
-            format!("named on nothing wrong: {}", named_though("nothing")),
-            format!("outside the library, misnamed: {}", named_though("outside")),
-            format!("shrink predicted within 5 points: {}", share(score.close, score.predictions)),
-            format!("shrink within its 90 % interval: {}", share(score.covered, score.predictions)),
-        ];
-        let mut out: String = lines.iter().map(|line| paragraph("  ", line)).collect();
+        let summary = score.summary();
+        let mut out: String =
+            summary.iter().map(|(figure, value)| paragraph("  ", &format!("{figure}: {value}"))).collect();
         let mut table =
             Table::new(["nominal", "effects", "cases", "visible", "named", "right joint", "false names", "F1"]);
         for g in &score.groups {

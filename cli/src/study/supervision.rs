@@ -7,6 +7,7 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use rivet_studies::supervision::{Options, Outcome, study, table};
 
+use crate::outputs::Outputs;
 use crate::table::show;
 
 /// Arguments of `rivet study supervision`.
@@ -43,6 +44,9 @@ pub(crate) struct Args {
     /// Write the figures as JSON.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// Write the tables as Markdown.
+    #[arg(long, value_name = "FILE")]
+    markdown: Option<PathBuf>,
 }
 
 /// Runs the study on each arm.
@@ -53,14 +57,22 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     options.tracked.hysteresis = args.hysteresis;
     options.tracked.dwell = args.dwell;
     options.tracked.deflation = !args.no_deflation;
+    let files = Outputs::given(Vec::new()).file("--json", args.json.as_ref());
+    files.file("--markdown", args.markdown.as_ref()).check()?;
     let start = Instant::now();
     let clock = || start.elapsed().as_secs_f64();
-    let mut all = serde_json::Map::new();
+    let (mut all, mut tables) = (serde_json::Map::new(), String::new());
     for arm in &args.arms {
         let robot = rivet_config::load(arm)?;
         let outcomes = study(&robot, &options, Some(&clock));
-        show(&format!("{}\n\n{}", robot.config.name, table(&outcomes)))?;
+        let text = format!("{}:\n\n{}", robot.config.name, table(&outcomes));
+        show(&text)?;
+        tables += if tables.is_empty() { "" } else { "\n" };
+        tables += &text;
         all.insert(robot.config.name.clone(), outcomes.iter().map(json).collect());
+    }
+    if let Some(path) = &args.markdown {
+        rivet_files::write_whole(path, tables).with_context(|| path.display().to_string())?;
     }
     if let Some(path) = &args.json {
         let text = serde_json::to_string_pretty(&all)?;

@@ -145,6 +145,41 @@ pub const STRENGTHS: [f64; 6] = [0.5, 1.0, 2.0, 5.0, 20.0, f64::MAX];
 pub const CONFIDENCES: [f64; 6] = [0.0, 0.5, 0.8, 0.9, 0.97, 1.01];
 
 impl Score {
+    /// What was found of how many: a figure and its value a line. An effect counts as named if its class holds it.
+    #[must_use]
+    pub fn summary(&self) -> Vec<(&'static str, String)> {
+        let share = |part: usize, whole: usize| {
+            if whole == 0 { "no case".to_owned() } else { format!("{part} of {whole}") }
+        };
+        let misnamed =
+            |truth: &str| self.outcome(truth).map_or_else(|| share(0, 0), |o| share(o.cases - o.right, o.cases));
+        vec![
+            ("visible effects named", share(self.named(), self.visible())),
+            ("right joint, of those", share(self.right_joint, self.named())),
+            ("false positives", self.beside.to_string()),
+            (
+                "the same where no effect is visible",
+                format!("{} in {} cases", self.invisible_beside, self.invisible_cases),
+            ),
+            ("names that stand for a class", share(self.classes, self.names)),
+            ("other members of these classes", self.class_members.to_string()),
+            ("named on sound arms", misnamed("nothing")),
+            ("outside the list, misnamed", misnamed("outside")),
+            ("±5 points", share(self.close, self.predictions)),
+            ("in the interval", share(self.covered, self.predictions)),
+        ]
+    }
+
+    /// [`Score::summary`] as a table in Markdown.
+    #[must_use]
+    pub fn markdown(&self) -> String {
+        let mut out = format!("| figure | {}, {} cases |\n|---|---|\n", self.set, self.cases);
+        for (figure, value) in self.summary() {
+            out += &format!("| {figure} | {value} |\n");
+        }
+        out
+    }
+
     /// Effects that could be seen.
     pub fn visible(&self) -> usize {
         self.effects().map(|o| o.cases).sum()

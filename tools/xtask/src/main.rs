@@ -5,6 +5,7 @@ mod fuzz;
 mod golden;
 mod install;
 mod sbom;
+mod tables;
 
 use clap::{Parser, Subcommand};
 
@@ -27,6 +28,8 @@ enum Command {
     Fuzz(fuzz::Args),
     /// Hashes diagnoses and exports of a fixed set of cases, or compares them with the stored hashes (--check)
     Golden(golden::Args),
+    /// Puts the tables of docs/tables, which commands wrote, into the pages that show them
+    Tables(tables::Args),
 }
 
 fn main() -> anyhow::Result<()> {
@@ -36,5 +39,6 @@ fn main() -> anyhow::Result<()> {
         Command::Sbom(args) => sbom::run(&args),
         Command::Fuzz(args) => fuzz::run(&args),
         Command::Golden(args) => golden::run(&args),
+        Command::Tables(args) => tables::run(&args),
     }
 }

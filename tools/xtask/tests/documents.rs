@@ -2,6 +2,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 /// Where documents without a path of their own look for sources of the diagnosis.
 const RULES: &str = "crates/diagnosis/src";
@@ -166,34 +167,12 @@ fn every_effect_that_can_be_named_has_a_page() {
     assert!(names.len() > 20, "only {} effects were found", names.len());
 }
 
-/// Tables that a command writes, `<!-- table FILE: COMMAND -->` before them: the page has what the file has.
-fn tables(text: &str) -> impl Iterator<Item = (&str, &str, &str)> {
-    text.split("<!-- table ").skip(1).filter_map(|rest| {
-        let (mark, after) = rest.split_once("-->")?;
-        let (file, command) = mark.split_once(':')?;
-        Some((file.trim(), command.trim(), after.trim_start_matches('\n')))
-    })
-}
-
+/// Numbers of pages come from files that commands write.
 #[test]
-fn tables_of_the_pages_are_those_that_a_command_wrote() {
-    let root = root();
-    let (mut shown, mut wrong) = (Vec::new(), Vec::new());
-    for document in documents() {
-        let text = read(&document);
-        for (file, command, after) in tables(&text) {
-            let path = root.join(file);
-            let written = fs::read_to_string(&path).unwrap_or_default();
-            if written.is_empty() || !after.starts_with(&written) || !command.contains(&format!("--markdown {file}")) {
-                wrong.push(format!("{}: not what {file} has; it is written by: {command}", document.display()));
-            }
-            shown.push(path);
-        }
-    }
-    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
-    let all = files(&root.join("docs/tables"));
-    let unused: Vec<&PathBuf> = all.iter().filter(|path| !shown.contains(path)).collect();
-    assert!(unused.is_empty() && !all.is_empty(), "no page shows {unused:?}");
+fn pages_show_what_the_files_of_their_tables_hold() {
+    let mut check = Command::new(env!("CARGO_BIN_EXE_xtask"));
+    let output = check.args(["tables", "--check"]).current_dir(root()).output().expect("xtask");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
 #[test]

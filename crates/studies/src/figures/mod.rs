@@ -123,6 +123,19 @@ pub fn figure(number: u32, repetitions: u64) -> Option<Figure> {
     })
 }
 
+/// What must hold, as a table in Markdown.
+#[must_use]
+pub fn markdown(figures: &[Figure]) -> String {
+    let mut out = String::from("| figure | what | measured | must hold |\n|---|---|---|---|\n");
+    for figure in figures {
+        for check in &figure.checks {
+            let mark = if check.pass { "" } else { " (FAIL)" };
+            out += &format!("| {} | {} | {} | {}{mark} |\n", figure.number, check.what, check.measured, check.limit);
+        }
+    }
+    out
+}
+
 fn line(label: &str, colour: usize, points: Vec<[f64; 2]>) -> Series {
     Series { label: label.into(), colour, stroke: Stroke::Line, points }
 }

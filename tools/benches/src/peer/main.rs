@@ -18,7 +18,7 @@ use clap::Parser;
 use rivet_benches::{Kernel, Workload, kernel};
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 
-use table::{Item, print};
+use table::{Item, markdown};
 
 /// What a call costs beside the same work in C++ and Python.
 #[derive(Parser)]
@@ -45,6 +45,9 @@ struct Args {
     /// Leaves the problem files and the log here.
     #[arg(long, value_name = "DIR")]
     keep: Option<PathBuf>,
+    /// Also writes what it prints.
+    #[arg(long, value_name = "FILE")]
+    markdown: Option<PathBuf>,
     /// Measures the Rust side alone, once, and prints it as lines of `name nanoseconds`.
     #[arg(long, hide = true)]
     measure: bool,
@@ -73,11 +76,11 @@ fn main() -> Result<()> {
     std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     let problem = folder.join("problem.txt");
     problem::write(&workload, &problem)?;
-    println!("{}, {} base parameters; rust {}", rivet_benches::workload::ROBOT, workload.robot.base.len(), target());
-    println!("{}", machine());
+    let arm = rivet_benches::workload::ROBOT;
+    let mut text = format!("{arm}, {} base parameters; rust {}\n{}\n", workload.robot.base.len(), target(), machine());
     let peer = cpp::build(args.venv.as_deref(), &args.eigen);
     if let Err(why) = &peer {
-        println!("no C++ peer: {why:#}");
+        text += &format!("no C++ peer: {why:#}\n");
     }
     let own = std::env::current_exe().context("path of this program")?;
     let seconds = args.seconds.to_string();
@@ -100,12 +103,14 @@ fn main() -> Result<()> {
             bail!("the two sides did not do the same work: {name} is {value:e} here and {theirs:e} there");
         }
     }
-    print("item [ns]", &items(&workload, &rust, &other));
+    text += &format!("\n{}", markdown("item, ns", &items(&workload, &rust, &other)));
     if !args.no_offline {
         let items = offline::compare(args.venv.as_deref(), [&one, &all], args.repeats.min(3), folder)?;
-        print("60 s at 1 kHz, off-line [ms]", &items);
+        text += &format!("\n{}", markdown("60 s at 1 kHz, off line, ms", &items));
     }
-    Ok(())
+    print!("{text}");
+    args.markdown
+        .map_or(Ok(()), |path| rivet_files::write_whole(&path, text).with_context(|| path.display().to_string()))
 }
 
 /// Rows of the table: what is compared with what, and the goal of the ratio.

@@ -34,6 +34,9 @@ struct Args {
     /// Leaves out what lies on the stack.
     #[arg(long)]
     no_stack: bool,
+    /// Also writes the table.
+    #[arg(long, value_name = "FILE")]
+    markdown: Option<PathBuf>,
     /// Runs one case, to be called under callgrind.
     #[arg(long, hide = true)]
     case: Option<usize>,
@@ -92,12 +95,14 @@ fn main() -> Result<()> {
     if Command::new("valgrind").arg("--version").output().is_err() {
         bail!("valgrind is missing (Debian: apt-get install valgrind); without it nothing can be counted");
     }
-    println!(
+    eprintln!(
         "lines of {LINE} bytes that a period touches, as KiB: mean of {} periods, largest, by first touch",
         args.ticks
     );
-    println!("| case | mean | largest | differentiation | model, filter | sums | supervision | instructions |");
-    println!("|---|---|---|---|---|---|---|---|");
+    let mut table = String::from(
+        "| case | mean | largest | differentiation | regressors, filters | sums of a row | supervision | instructions |\n\
+         |---|---|---|---|---|---|---|---|\n",
+    );
     let temporary = tempfile::tempdir()?;
     for (at, case) in cases().iter().enumerate() {
         let counts = count(at, &args, temporary.path())?;
@@ -106,20 +111,23 @@ fn main() -> Result<()> {
         let mean =
             |of: &dyn Fn(&Tick) -> u64| counts.iter().map(|tick| of(tick) as f64).sum::<f64>() / counts.len() as f64;
         let rows = if case.decimated { "rows decimated" } else { "a row a period" };
-        print!(
+        let mut line = format!(
             "| {}, {rows}, {} | {:.0} |",
             case.scheme,
             case.source.name(),
             kib(mean(&|tick| tick.lines.iter().sum()))
         );
-        print!(" {:.0} |", kib(ticks.iter().copied().max().unwrap_or(0) as f64));
+        line += &format!(" {:.0} |", kib(ticks.iter().copied().max().unwrap_or(0) as f64));
         for phase in 0..4 {
             let largest = counts.iter().map(|tick| tick.lines[phase]).max().unwrap_or(0);
-            print!(" {:.0} ({:.0}) |", kib(mean(&|tick| tick.lines[phase])), kib(largest as f64));
+            line += &format!(" {:.0} ({:.0}) |", kib(mean(&|tick| tick.lines[phase])), kib(largest as f64));
         }
-        println!(" {:.0} |", mean(&|tick| tick.instructions));
+        line += &format!(" {:.0} |", mean(&|tick| tick.instructions));
+        println!("{line}");
+        table += &format!("{line}\n");
     }
-    Ok(())
+    args.markdown
+        .map_or(Ok(()), |path| rivet_files::write_whole(&path, table).with_context(|| path.display().to_string()))
 }
 
 /// One period: lines that it touches, phase by phase, and its instructions.
