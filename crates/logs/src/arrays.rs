@@ -1,6 +1,6 @@
 //! Arrays of numbers by name, and the columns that they become: rows are the samples, one column a value of a sample.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::columns::Wanted;
 use crate::guess;
@@ -56,24 +56,39 @@ impl Shape {
     }
 }
 
-/// Samples of a file: the length of the array that is named as time; else the length that most arrays have as their longest
-/// dimension, the largest of those. `arrays`: name and lengths.
+/// Kinds of arrays that only an arm has.
+const KINDS_OF_JOINTS: [&str; 3] = ["positions", "torques", "currents"];
+
+/// Samples of a file: the length that positions, torques and currents have, where other sensors have other rates; of several such
+/// lengths that of time, else that which most arrays have as their longest dimension, the largest of those.
+/// `arrays`: name and lengths.
 pub(crate) fn samples<'a>(arrays: impl Iterator<Item = (&'a str, &'a [usize])> + Clone) -> usize {
-    let longest = |lengths: &[usize]| lengths.iter().copied().max().unwrap_or(0);
-    let is_line = |lengths: &[usize]| lengths.iter().filter(|length| **length > 1).count() == 1;
-    let is_time = |name: &str| guess::word(name) == Some("time");
-    let lines = arrays.clone().filter(|(name, lengths)| is_line(lengths) && is_time(name));
-    let times: Vec<usize> = lines.map(|(_, lengths)| longest(lengths)).collect();
-    if let [first, others @ ..] = times.as_slice()
-        && others.iter().all(|length| length == first)
-    {
-        return *first;
+    #[derive(Default)]
+    struct Length<'a> {
+        kinds_of_joints: BTreeSet<&'a str>,
+        is_of_time: bool,
+        arrays: usize,
     }
-    let mut counts: BTreeMap<usize, usize> = BTreeMap::new();
-    for (_, lengths) in arrays {
-        *counts.entry(longest(lengths)).or_default() += 1;
+    let mut found: BTreeMap<usize, Length> = BTreeMap::new();
+    for (name, lengths) in arrays {
+        let word = guess::word(name);
+        let longest = lengths.iter().copied().max().unwrap_or(0);
+        let is_line = lengths.iter().filter(|length| **length > 1).count() <= 1;
+        for length in lengths {
+            // The samples may be fewer than the joints.
+            found
+                .entry(*length)
+                .or_default()
+                .kinds_of_joints
+                .extend(word.filter(|word| KINDS_OF_JOINTS.contains(word)));
+        }
+        let of_longest = found.entry(longest).or_default();
+        of_longest.is_of_time |= is_line && word == Some("time");
+        of_longest.arrays += 1;
     }
-    counts.into_iter().max_by_key(|(length, count)| (*count, *length)).map_or(0, |(length, _)| length)
+    let rank =
+        |(length, found): &(usize, Length)| (found.kinds_of_joints.len(), found.is_of_time, found.arrays, *length);
+    found.into_iter().max_by_key(rank).map_or(0, |(length, _)| length)
 }
 
 /// Places of the wanted columns among the wanted ones.
@@ -119,5 +134,32 @@ impl Budget {
             ));
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn samples_of(arrays: &[(&str, &[usize])]) -> usize {
+        samples(arrays.iter().copied())
+    }
+
+    #[test]
+    fn the_arm_decides_where_other_sensors_have_more_arrays_or_rows() {
+        let arm: [(&str, &[usize]); 2] = [("arm/position", &[500, 6]), ("arm/torque", &[500, 6])];
+        let sensor: [(&str, &[usize]); 4] =
+            [("imu/time", &[4000]), ("imu/gyro", &[4000, 3]), ("imu/acc", &[4000, 3]), ("imu/mag", &[4000, 3])];
+        assert_eq!(samples_of(&[&arm[..], &sensor[..]].concat()), 500);
+        assert_eq!(samples_of(&[&arm[..], &[("arm/time", &[500])], &sensor[..]].concat()), 500);
+    }
+
+    #[test]
+    fn time_decides_where_samples_are_fewer_than_joints() {
+        assert_eq!(samples_of(&[("time", &[5]), ("q", &[5, 7]), ("tau", &[5, 7])]), 5);
+        assert_eq!(samples_of(&[("time", &[5]), ("q", &[7, 5]), ("tau", &[7, 5])]), 5);
+        assert_eq!(samples_of(&[("q", &[7, 300]), ("tau", &[7, 300])]), 300);
+        assert_eq!(samples_of(&[("time", &[1, 300]), ("a", &[300, 300]), ("b", &[300, 2])]), 300);
+        assert_eq!(samples_of(&[]), 0);
     }
 }
