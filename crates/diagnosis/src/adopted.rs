@@ -2,8 +2,10 @@
 
 use nalgebra::DVector;
 
+use crate::background::Nominal;
 use crate::effect::Effect;
 use crate::form::Form;
+use crate::known::Carried;
 use crate::physics::Physics;
 use crate::policy::POLICY;
 use crate::search::{Candidate, Search, Standing};
@@ -108,6 +110,29 @@ impl Adopted {
             another_law: false,
         })
     }
+}
+
+/// The standard vector with values `x` of the background and values that were adopted as forms of their own.
+pub(crate) fn standard<'a>(
+    nominal: &Nominal,
+    x: &DVector<f64>,
+    adopted: impl IntoIterator<Item = &'a Adopted>,
+) -> Vec<f64> {
+    let mut standard: Vec<f64> = nominal.x.iter().zip(x.iter()).map(|(given, change)| given + change).collect();
+    for a in adopted.into_iter().filter(|a| is_value(&a.form)) {
+        let c = a.coefficients(x);
+        if let (Carried::Values(changes), _) = a.form.carried(&c, &a.values, nominal.model.arm.dof(), None) {
+            for (at, change) in changes {
+                standard[at] += change;
+            }
+        }
+    }
+    standard
+}
+
+fn is_value(form: &Form) -> bool {
+    use Form::{Coulomb, LinkScale, Payload, RotorInertia, Viscous};
+    matches!(form, Payload | LinkScale { .. } | RotorInertia { .. } | Coulomb { .. } | Viscous { .. })
 }
 
 /// Whether as many effects as may be were adopted.

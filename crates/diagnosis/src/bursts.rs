@@ -40,7 +40,7 @@ pub(crate) fn find(search: &Search<'_>) -> Option<Vec<Vec<(f64, f64)>>> {
         found = Some((residuals, usual));
     }
     let (residuals, usual) = found?;
-    let each = |(r, run): (usize, &&crate::design::Prepared)| {
+    let each = |(r, run): (usize, &&crate::prepared::Prepared)| {
         let period = run.chain.row_period_s;
         let rows = run.rows();
         let power = |j: usize, k: usize| (residuals[r][j][k] / usual[j]).powi(2);

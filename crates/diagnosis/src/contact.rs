@@ -9,9 +9,9 @@ use nalgebra::{Cholesky, DMatrix, DVector, Vector3};
 use rivet_dynamics::{Arm, Joint, JointKind, Workspace, flange_pose, inverse_dynamics};
 
 use crate::background::Nominal;
-use crate::design::Prepared;
+use crate::prepared::Prepared;
 use crate::evidence::{Belief, CandidateSums};
-use crate::form::Form;
+use crate::form::{Form, force_components};
 use crate::local::Stretch;
 use crate::physics::Physics;
 use crate::policy::POLICY;
@@ -23,11 +23,6 @@ const HAT_S: f64 = 0.25;
 /// Longer bursts are cut into parts \[s\]: the columns of one are solved for together.
 const MAX_BURST_S: f64 = 10.0;
 const LONGEST_M: f64 = 0.5;
-
-/// Numbers of a force, and of one with a moment.
-pub(crate) fn numbers(moment: bool) -> usize {
-    if moment { 6 } else { 3 }
-}
 
 impl Search<'_> {
     /// The candidate for contact in bursts. Its one column is nothing in the design: it stands for the torque of all
@@ -43,7 +38,7 @@ impl Search<'_> {
         let reach = reach(self.nominal);
         for stretch in &mut local {
             let mut std: Vec<f64> = Vec::with_capacity(stretch.columns.len());
-            for hat in stretch.columns.chunks(numbers(moment)) {
+            for hat in stretch.columns.chunks(force_components(moment)) {
                 let force = hat[..3].iter().map(|column| free(column, &torque)).collect::<Option<Vec<f64>>>()?;
                 std.extend(&force);
                 // A moment is what a force has within reach.
@@ -84,7 +79,7 @@ impl Search<'_> {
         found: &'b [DVector<f64>],
         moment: bool,
     ) -> impl Iterator<Item = Vector3<f64>> + 'b {
-        let each = numbers(moment);
+        let each = force_components(moment);
         self.design.background.local.iter().zip(found).filter_map(move |(stretch, c)| {
             let mut information = DMatrix::zeros(each, each);
             let mut sum = DVector::zeros(each);

@@ -4,8 +4,9 @@ use rivet_dynamics::Model;
 
 use crate::background::{Nominal, Typical};
 use crate::computed;
-use crate::design::Prepared;
+use crate::prepared::Prepared;
 use crate::first_fit;
+use crate::input::{DiagnosisError, check};
 use crate::log_check;
 use crate::log_fault::LogFinding;
 use crate::motions::MotionBounds;
@@ -22,25 +23,6 @@ use crate::timing;
 use crate::units;
 use crate::upright;
 use crate::whole;
-
-/// Why nothing could be diagnosed.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum DiagnosisError {
-    /// No run was given.
-    #[error("no run to diagnose")]
-    NoRun,
-    /// A run with another number of joints, or signals of different lengths.
-    #[error("{run}: {what}")]
-    Shape {
-        /// The run's name.
-        run: String,
-        /// What is wrong with it.
-        what: String,
-    },
-    /// The equations cannot be solved.
-    #[error("the equations of the runs cannot be solved: is every signal finite and the nominal model physical?")]
-    Singular,
-}
 
 /// Compares runs with what the simulator knows: `model` with the standard vector `nominal`.
 ///
@@ -230,24 +212,6 @@ fn too_little_motion(look: &[Run], fit_seconds: f64) -> Option<String> {
     } else {
         "no joint of the logs moves enough for a decision".to_owned()
     })
-}
-
-pub(crate) fn check(run: &Run, joints: usize) -> Result<(), DiagnosisError> {
-    let fault = |what: String| Err(DiagnosisError::Shape { run: run.name.clone(), what });
-    let rows = run.len();
-    let desired = run
-        .desired
-        .iter()
-        .flat_map(|d| [(&d.q, "desired positions"), (&d.qd, "desired speeds"), (&d.qdd, "desired accelerations")]);
-    for (signal, name) in [(&run.q, "positions"), (&run.tau, "torques")].into_iter().chain(desired) {
-        if signal.len() != joints {
-            return fault(format!("{name} of {} joints, the robot has {joints}", signal.len()));
-        }
-        if signal.iter().any(|s| s.len() != rows) {
-            return fault(format!("{name} of different lengths"));
-        }
-    }
-    Ok(())
 }
 
 fn moves(run: &Run) -> bool {

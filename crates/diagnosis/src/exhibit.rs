@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 use rivet_dynamics::Parameter;
 
 use crate::background::Nominal;
-use crate::design::Prepared;
+use crate::prepared::Prepared;
 use crate::effect::Effect;
 use crate::form::Form;
 use crate::policy::POLICY;

@@ -4,7 +4,7 @@
 use rivet_dynamics::Parameter;
 
 use crate::background::Nominal;
-use crate::design::Prepared;
+use crate::prepared::Prepared;
 use crate::policy::POLICY;
 use crate::search::Search;
 

@@ -20,7 +20,8 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use crate::design::{Block, Prepared};
+use crate::design::Block;
+use crate::prepared::Prepared;
 use crate::evidence::Solved;
 use crate::form::Form;
 use crate::parallel;

@@ -105,6 +105,11 @@ pub(crate) enum Form {
     Viscous { joint: usize },
 }
 
+/// Components of a force, and of a force with a moment.
+pub(crate) fn force_components(moment: bool) -> usize {
+    if moment { 6 } else { 3 }
+}
+
 /// A column at the rate of the log: signals by joint.
 type Full = Vec<Option<Vec<f64>>>;
 

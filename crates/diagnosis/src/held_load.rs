@@ -4,7 +4,7 @@ use std::fmt;
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::design::Prepared;
+use crate::prepared::Prepared;
 use crate::policy::POLICY;
 use crate::rigid::range;
 

@@ -15,8 +15,9 @@ use nalgebra::DVector;
 use rivet_dynamics::Model;
 
 use crate::background::{Nominal, Typical};
-use crate::design::{Block, Design, Prepared, unknown};
-use crate::entry::{DiagnosisError, check};
+use crate::design::{Block, Design};
+use crate::prepared::{Prepared, unknown};
+use crate::input::{DiagnosisError, check};
 use crate::evidence::PRIOR_SCALES;
 use crate::form::Form;
 use crate::physics::Physics;

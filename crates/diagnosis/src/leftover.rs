@@ -2,7 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use crate::design::Prepared;
+use crate::prepared::Prepared;
 use crate::stages::Stages;
 
 /// Longest lag of the autocorrelation \[s\], and the time between lags \[s\].

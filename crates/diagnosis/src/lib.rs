@@ -22,6 +22,7 @@
 
 mod adopted;
 mod another_law;
+mod autocorrelation;
 mod background;
 mod base_evidence;
 mod base_modes;
@@ -44,6 +45,7 @@ mod formats;
 mod freed;
 mod gap;
 mod held_load;
+mod input;
 mod instead;
 mod known;
 mod ladder;
@@ -71,6 +73,7 @@ mod policy;
 mod possible;
 mod power;
 mod predict;
+mod prepared;
 mod procedure;
 mod products;
 mod random;
@@ -113,10 +116,11 @@ mod zero;
 
 pub use details::{Details, Ledger, ParameterLine, ParameterState, Stage};
 pub use effect::{Effect, Kind};
-pub use entry::{DiagnosisError, diagnose, diagnose_and_patch};
+pub use entry::{diagnose, diagnose_and_patch};
 pub use exhibit::{Curve, Excerpt, Point, Variable};
 pub use formats::{Fidelity, Format, FormatItem, FormatReport, mjcf_coupling_fits};
 pub use gap::Gap;
+pub use input::DiagnosisError;
 pub use known::{memory_torque, unseen};
 pub use ladder::{Ladder, Rung, friction_ladder};
 pub use leftover::{Leftover, Order};

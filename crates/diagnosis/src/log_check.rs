@@ -6,7 +6,7 @@ use rivet_dynamics::Model;
 
 use crate::background::Nominal;
 use crate::computed;
-use crate::design::Prepared;
+use crate::prepared::Prepared;
 use crate::log_fault::{LogFault, LogFinding};
 use crate::policy::POLICY;
 use crate::run::Run;

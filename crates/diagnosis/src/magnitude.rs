@@ -1,7 +1,6 @@
 //! How large an effect is, in terms a person can check.
 
-use crate::contact::numbers;
-use crate::form::Form;
+use crate::form::{Form, force_components};
 use crate::two_mass::Gear;
 
 /// Name of the phase of a wave.
@@ -59,7 +58,7 @@ impl Form {
             Form::PositionScale { .. } => named(&[("position_gain", 1.0 + c[0])]),
             Form::EncoderOffset { .. } => named(&[("offset_rad", c[0])]),
             // With fewer joints than numbers, one of the six stands for another.
-            Form::Force { moment: true, .. } if joints < numbers(true) => Vec::new(),
+            Form::Force { moment: true, .. } if joints < force_components(true) => Vec::new(),
             Form::Force { moment, .. } => force_magnitude(c, *moment),
             Form::Gravity => named(&[("tilt_rad", wave(c) / 9.81), ("gx_m_s2", c[0]), ("gy_m_s2", c[1])]),
             Form::Payload => named(&[
@@ -166,7 +165,7 @@ fn gear_magnitude(gear: &Gear) -> Vec<(String, f64)> {
 /// Largest force, and moment, of contact with coefficients `c`.
 fn force_magnitude(c: &[f64], moment: bool) -> Vec<(String, f64)> {
     let length = |c: &[f64]| c.iter().map(|x| x * x).sum::<f64>().sqrt();
-    let hats = || c.chunks(numbers(moment));
+    let hats = || c.chunks(force_components(moment));
     let mut size = vec![("largest_N".to_owned(), hats().map(|c| length(&c[..3])).fold(0.0, f64::max))];
     if moment {
         size.push(("largest_Nm".to_owned(), hats().map(|c| length(&c[3..])).fold(0.0, f64::max)));

@@ -14,7 +14,7 @@
 use rivet_dynamics::{Model, Workspace};
 
 use crate::background::{Nominal, standard_columns};
-use crate::design::Prepared;
+use crate::prepared::Prepared;
 use crate::effect::Effect;
 use crate::form::Form;
 use crate::physics::Physics;

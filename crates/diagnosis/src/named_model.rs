@@ -1,6 +1,6 @@
 //! What is left with no more than what is named: an effect that was withdrawn carries nothing of what a report tells.
 
-use crate::design::turn_columns;
+use crate::prepared::turn_columns;
 use crate::effect::Kind;
 use crate::gap::Gap;
 use crate::opened::{creeping_share, share_left};

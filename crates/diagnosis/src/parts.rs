@@ -3,7 +3,7 @@
 use rivet_dynamics::{KnownEffect, Model, ParameterGroup};
 
 use crate::background::Nominal;
-use crate::design::Prepared;
+use crate::prepared::Prepared;
 use crate::formats::{Part, PartKind};
 use crate::known;
 use crate::rows::Column;

@@ -6,7 +6,7 @@ use rivet_estimation::consistency::{ConsistencyError, Projection, Reference};
 
 use crate::adopted::Adopted;
 use crate::background::{Nominal, standard_columns};
-use crate::design::Prepared;
+use crate::prepared::Prepared;
 use crate::effect::Effect;
 use crate::evidence::Solved;
 use crate::form::Form;

@@ -6,7 +6,7 @@ use rivet_dynamics::Parameter;
 use crate::adopted::Adopted;
 use crate::background::Nominal;
 use crate::body;
-use crate::design::{Prepared, turn_columns, unknown};
+use crate::prepared::{Prepared, turn_columns, unknown};
 use crate::details::{self, Details, ParameterLine, Stage, Unsure};
 use crate::effect::{Effect, Kind};
 use crate::exhibit;

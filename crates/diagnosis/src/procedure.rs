@@ -4,7 +4,7 @@ use rivet_dynamics::Parameter;
 
 use crate::adopted::Adopted;
 use crate::background::Nominal;
-use crate::design::Prepared;
+use crate::prepared::Prepared;
 use crate::effect::Effect;
 use crate::log_fault::LogFinding;
 use crate::report::DataUse;

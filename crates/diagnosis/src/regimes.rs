@@ -1,6 +1,6 @@
 //! Where the gap lies: which joint, doing what.
 
-use crate::design::Prepared;
+use crate::prepared::Prepared;
 use crate::policy::POLICY;
 use crate::stillness::is_moved;
 

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use crate::design::Prepared;
+use crate::prepared::Prepared;
 use crate::policy::POLICY;
 use crate::report::Scatter;
 

@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, DVector};
 use rivet_dynamics::{Arm, Workspace, inverse_dynamics};
 
 use crate::background::Nominal;
-use crate::design::Prepared;
+use crate::prepared::Prepared;
 use crate::physics::bodies;
 use crate::policy::POLICY;
 use crate::rows::Column;

@@ -1,7 +1,7 @@
 //! What the sealed run says where the direction of friction is known. A joint that stands holds whatever its friction lets
 //! it, and that may be most of a gap of which no model knows better: rows are weighed by how sure the direction is.
 
-use crate::design::Prepared;
+use crate::prepared::Prepared;
 use crate::policy::POLICY;
 use crate::stages::Stages;
 use crate::stillness::is_moved;

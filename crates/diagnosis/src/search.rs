@@ -4,7 +4,9 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::background::Nominal;
 use crate::base_modes;
-use crate::design::{Design, Prepared, correlation, unknown};
+use crate::design::Design;
+use crate::prepared::{Prepared, unknown};
+use crate::autocorrelation::correlation;
 use crate::evidence::{Added, Background, Belief, CandidateCell, FOLDS, PRIOR_SCALES, Solved};
 use crate::form::Form;
 use crate::library;

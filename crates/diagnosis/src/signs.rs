@@ -3,7 +3,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use crate::background::{Nominal, standard_columns};
-use crate::design::Prepared;
+use crate::prepared::Prepared;
 use crate::log_fault::LogFault;
 use crate::policy::POLICY;
 use crate::rigid;

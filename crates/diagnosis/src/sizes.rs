@@ -3,16 +3,15 @@
 
 use nalgebra::DVector;
 
-use crate::adopted::Adopted;
-use crate::contact::numbers;
+use crate::adopted::{self, Adopted};
 use crate::effect::{Effect, Kind};
 use crate::evidence::Solved;
-use crate::form::Form;
+use crate::form::{Form, force_components};
 use crate::possible::{self, Impossible};
 use crate::procedure::{Procedure, Step};
 use crate::report::{Cause, Diagnosis, Verdict};
 use crate::search::Search;
-use crate::value_group::Group;
+use crate::value_group::{self, Group};
 use crate::values::Wrong;
 
 /// What stands.
@@ -115,7 +114,7 @@ impl Procedure<'_> {
         let adopted: Vec<Adopted> = standing.iter().flat_map(|step| step.adopted.iter().cloned()).collect();
         let mut refused = Vec::new();
         for (at, group) in wrong.groups.iter().enumerate() {
-            let what = possible::of_group(group, self.nominal, &standard, &adopted);
+            let what = value_group::of_group(group, self.nominal, &standard, &adopted);
             let (Some(what), false) = (what, held.contains(&at)) else { continue };
             held.push(at);
             for (cause, step) in standing.iter_mut().enumerate().filter(|(_, step)| has(step, group)) {
@@ -127,7 +126,7 @@ impl Procedure<'_> {
     }
 
     fn standard(&self, standing: &[Step], solved: &Solved) -> Vec<f64> {
-        possible::standard(self.nominal, &solved.x, standing.iter().flat_map(|step| &step.adopted))
+        adopted::standard(self.nominal, &solved.x, standing.iter().flat_map(|step| &step.adopted))
     }
 
     /// Takes what was refused from the causes; with the `wrong` values that came out impossible before, it becomes hints.
@@ -200,7 +199,7 @@ impl Procedure<'_> {
                 sizes.push((joint.map_or(name.clone(), |joint| format!("{joint}.{name}")), size));
             }
             if let Form::Force { moment, .. } = adopted.form {
-                if !moment || search.floor.len() >= numbers(true) {
+                if !moment || search.floor.len() >= force_components(true) {
                     let steady = search.steady_force(&solved.stretches, moment).map(|of_burst| of_burst.norm());
                     sizes.push(("steady_N".to_owned(), steady.fold(0.0, f64::max)));
                 }

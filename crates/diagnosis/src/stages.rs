@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use nalgebra::DVector;
 
-use crate::design::Prepared;
+use crate::prepared::Prepared;
 use crate::gap::Gap;
 use crate::rows::Column;
 

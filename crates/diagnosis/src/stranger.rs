@@ -4,11 +4,10 @@
 use nalgebra::DVector;
 use rivet_dynamics::Parameter;
 
-use crate::adopted::Adopted;
+use crate::adopted::{self, Adopted};
 use crate::background::Nominal;
 use crate::form::Form;
 use crate::policy::POLICY;
-use crate::possible;
 
 /// Joints whose body or rotor is far off or came out as none that can be (`impossible`; on two joints at most of a measured or sound arm, on
 /// all six with another arm's file), where that is most of them. `heard`: joints whose torque is believed. Friction and torque
@@ -21,7 +20,7 @@ pub(crate) fn joints(
     heard: &[usize],
 ) -> Option<Vec<usize>> {
     let without_payload = adopted.iter().filter(|a| !matches!(a.form, Form::Payload));
-    let values = possible::standard(nominal, x, without_payload);
+    let values = adopted::standard(nominal, x, without_payload);
     let off = |at: usize| ((values[at] - nominal.x[at]) / nominal.std[at]).powi(2);
     let distance = |is: &dyn Fn(Parameter) -> bool| -> f64 {
         let all = nominal.model.parameters.iter().enumerate().filter(|(_, p)| is(**p));

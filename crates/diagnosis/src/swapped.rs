@@ -1,7 +1,7 @@
 //! Torque columns of two joints that stand in each other's place.
 
 use crate::background::Nominal;
-use crate::design::Prepared;
+use crate::prepared::Prepared;
 use crate::policy::POLICY;
 use crate::stillness::is_still;
 

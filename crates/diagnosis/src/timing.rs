@@ -15,7 +15,8 @@ pub(crate) use behind::SLOW_HZ;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-use crate::design::{Prepared, correlation};
+use crate::prepared::Prepared;
+use crate::autocorrelation::correlation;
 use crate::policy::POLICY;
 
 /// Moves in time that are tried \[s\], either way, and the step between them.

@@ -7,7 +7,7 @@ use nalgebra::{Matrix2, Vector2};
 
 use crate::background::Nominal;
 use crate::contact::Pull;
-use crate::design::Prepared;
+use crate::prepared::Prepared;
 use crate::policy::POLICY;
 
 /// Speed at which a drag is told \[m/s\].

@@ -2,7 +2,7 @@
 //! between runs no load, spring or friction makes a joint's torque twenty times what it was.
 
 use crate::background::Nominal;
-use crate::design::Prepared;
+use crate::prepared::Prepared;
 use crate::log_check::of_file;
 use crate::log_fault::LogFault;
 use crate::policy::POLICY;

@@ -8,7 +8,7 @@
 use nalgebra::{DMatrix, DVector, Vector3};
 
 use crate::background::Nominal;
-use crate::design::Prepared;
+use crate::prepared::Prepared;
 use crate::effect::Effect;
 use crate::form::AXES;
 use crate::gap::Gap;

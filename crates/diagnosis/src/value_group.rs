@@ -1,7 +1,12 @@
 //! Groups of the model's values that stand or fall together.
 
+use rivet_dynamics::Parameter;
+
+use crate::adopted::Adopted;
+use crate::background::Nominal;
 use crate::effect::Effect;
 use crate::form::Form;
+use crate::possible::{Impossible, of_value};
 
 /// Parameters that stand or fall together.
 #[derive(Clone, Debug)]
@@ -24,5 +29,62 @@ impl Group {
             Effect::ViscousNonlinearity => Some(Form::ViscousNonlinearity { joint }),
             _ => None,
         }
+    }
+}
+
+/// The value of a group that no arm has, if one is. Values of which an adopted effect has a column of its own are judged by nobody:
+/// only their sum with it means anything.
+pub(crate) fn of_group(group: &Group, nominal: &Nominal, standard: &[f64], adopted: &[Adopted]) -> Option<Impossible> {
+    let shared = |a: &Adopted| match (&a.form, nominal.model.parameters[group.columns[0]]) {
+        (Form::PositionFriction { joint, .. }, Parameter::Coulomb(j))
+        | (Form::ViscousNonlinearity { joint }, Parameter::Viscous(j)) => *joint == j,
+        (Form::Coupling { driving, driven, .. }, Parameter::RotorInertia(j)) => [*driving, *driven].contains(&j),
+        (Form::Payload, Parameter::Link { link, .. }) => link + 1 == nominal.model.arm.dof(),
+        _ => false,
+    };
+    let judged = !adopted.iter().any(shared);
+    group.columns.iter().filter(|_| judged).find_map(|c| of_value(*c, nominal, standard))
+}
+
+#[cfg(test)]
+mod tests {
+    use rivet_dynamics::{Arm, Model, Structure};
+
+    use super::*;
+    use crate::possible::{of_form, of_payload, text};
+
+    #[test]
+    fn what_no_arm_has_is_told_from_next_to_nothing() {
+        let urdf = include_str!("../../../robots/manutec-r3/robot.urdf");
+        let arm = Arm::from_urdf(urdf, [0.0, 0.0, -9.81]).expect("a sound arm");
+        let n = arm.dof();
+        let model = Model::new(arm, Structure { offset: true, ..Structure::default() });
+        let mut x = model.arm.links.concat();
+        x.extend(vec![2.0; model.len() - x.len()]);
+        let nominal = Nominal::exact(&model, &x);
+        let rotor = Group { effect: Effect::RotorInertia, joint: 1, columns: vec![10 * n + 1] };
+        let link = Group { effect: Effect::LinkInertia, joint: 2, columns: (20..30).collect() };
+        let with = |group: &Group, at: usize, value: f64| {
+            let mut standard = x.clone();
+            standard[at] = value;
+            of_group(group, &nominal, &standard, &[])
+        };
+        assert_eq!(with(&rotor, 10 * n + 1, 0.1), None);
+        assert_eq!(with(&rotor, 10 * n + 1, -0.1), None, "a twentieth of what is given");
+        let found = with(&rotor, 10 * n + 1, -0.5).expect("no rotor has that");
+        assert_eq!(
+            text(&[found]),
+            "j2.rotor_inertia -0.500 kg m^2 is outside of physical bounds: it is the effect of something else"
+        );
+        assert_eq!(with(&link, 20, -0.2).map(|what| what.name), Some("l3.m".to_owned()));
+        assert_eq!(with(&link, 21, -0.2), None, "a centre may be anywhere");
+        let stribeck = Form::Stribeck { joint: 0, velocity: 0.1 };
+        assert_eq!(of_form(&stribeck, &[1.0], &nominal, &x), None);
+        assert!(of_form(&stribeck, &[-1.0], &nominal, &x).is_some_and(|what| what.value == -1.0));
+        // A third of a kilogram a hand's breadth off the flange, then further off than the arm is long.
+        let body = |x: f64| [0.3, 0.3 * x, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+        assert_eq!(of_payload(&body(0.1), &nominal.model.arm), None);
+        assert!(of_payload(&body(2.0), &nominal.model.arm).is_some_and(|what| what.unit == "m"));
+        assert!(of_payload(&body(0.1).map(|v| -v), &nominal.model.arm).is_some_and(|what| what.unit == "kg"));
     }
 }

@@ -3,13 +3,13 @@
 use nalgebra::DVector;
 use rivet_dynamics::Parameter;
 
-use crate::adopted::Adopted;
+use crate::adopted::{self, Adopted};
 use crate::effect::Effect;
 use crate::evidence::Solved;
 use crate::policy::POLICY;
-use crate::possible::{self, Impossible};
+use crate::possible::Impossible;
 use crate::search::Search;
-use crate::value_group::Group;
+use crate::value_group::{self, Group};
 
 /// The same of one that is to stay as it is. Less than this and the equations lose their digits.
 const FROZEN: f64 = 1e-4;
@@ -128,8 +128,8 @@ pub(crate) fn wrong(search: &mut Search<'_>, adopted: &[Adopted]) -> Option<Wron
         let (free, held) = chosen(search, &widths, &impossible)?;
         search.design.background.std = widths.std_with(&free, &held);
         let solved = search.solved(scale)?;
-        let standard = possible::standard(search.nominal, &solved.x, adopted);
-        let impossible_value = |group: &Group| possible::of_group(group, search.nominal, &standard, adopted);
+        let standard = adopted::standard(search.nominal, &solved.x, adopted);
+        let impossible_value = |group: &Group| value_group::of_group(group, search.nominal, &standard, adopted);
         let found: Vec<(Group, Impossible)> =
             free.iter().filter_map(|g| Some((g.clone(), impossible_value(g)?))).collect();
         if found.is_empty() {

@@ -6,7 +6,7 @@
 
 use std::f64::consts::TAU;
 
-use crate::design::Prepared;
+use crate::prepared::Prepared;
 use crate::policy::POLICY;
 use crate::regimes::Cell;
 use crate::stages::Stages;

@@ -6,7 +6,7 @@
 use nalgebra::DVector;
 
 use crate::background::Nominal;
-use crate::design::Prepared;
+use crate::prepared::Prepared;
 use crate::form::AXES;
 use crate::log_fault::LogFault;
 use crate::parallel;

@@ -9,7 +9,7 @@ use rivet_estimation::consistency::{ConsistencyError, Projection, Reference, pro
 
 use crate::adopted::Adopted;
 use crate::background::Nominal;
-use crate::design::Prepared;
+use crate::prepared::Prepared;
 use crate::form::Form;
 use crate::parts::Told;
 use crate::policy::POLICY;

@@ -2,7 +2,7 @@
 
 use super::{JointTiming, Timing};
 use crate::background::Nominal;
-use crate::design::Prepared;
+use crate::prepared::Prepared;
 use crate::log_fault::{LogFault, LogFinding};
 use crate::policy::POLICY;
 

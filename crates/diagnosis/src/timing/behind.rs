@@ -15,7 +15,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::{Early, Part};
 use crate::background::Nominal;
-use crate::design::Prepared;
+use crate::prepared::Prepared;
 use crate::form::Form;
 use crate::physics::Physics;
 use crate::rows::Column;
