@@ -1,43 +1,43 @@
-//! The whole diagnosis: training runs, a run that stays sealed, causes, predictions, then the sealed torque.
+//! The story of a diagnosis: fit, selection, prediction of the held-out run, verdict, sizes, corrected model.
 
 use nalgebra::DVector;
 use rivet_dynamics::Parameter;
 
-use crate::adopted::Adopted;
-use crate::background::Nominal;
-use crate::body;
-use crate::prepared::{Prepared, turn_columns, unknown};
-use crate::details::{self, Details, ParameterLine, Stage, Unsure};
-use crate::effect::{Effect, Kind};
-use crate::exhibit;
-use crate::form::Form;
-use crate::freed;
-use crate::gap::Gap;
-use crate::instead;
-use crate::leftover;
-use crate::log_check;
-use crate::log_fault::LogFinding;
-use crate::motions::MotionBounds;
-use crate::offsets;
-use crate::opened::Opened;
-use crate::patch::{self, Patch};
-use crate::physics::Physics;
+use crate::effects::effect::{Effect, Kind};
+use crate::effects::form::Form;
+use crate::effects::physics::Physics;
+use crate::experiment::separating_motion::MotionBounds;
+use crate::export::file_values::Kept;
+use crate::export::patch::{self, Patch};
+use crate::fit::prediction::{Fitted, Prediction, predict};
+use crate::fit::search::Search;
+use crate::fit::stages::{RunColumns, Stages, Steps};
+use crate::judge::cause_sizes;
+use crate::judge::causes::Opened;
+use crate::judge::counterbalance_or_link;
+use crate::judge::other_arm;
+use crate::judge::procedure::{Procedure, Step};
+use crate::judge::torque_offset;
+use crate::model::gap::Gap;
+use crate::model::log_fault::LogFinding;
+use crate::model::nominal::Nominal;
+use crate::model::rows::Column;
 use crate::policy::POLICY;
-use crate::predict::{Fitted, Prediction, predict};
-use crate::procedure::{Procedure, Step};
-use crate::regimes::{self, Cell, Regime};
-use crate::report::{Cause, Diagnosis};
-use crate::residue::Residue;
-use crate::rows::Column;
-use crate::search::Search;
-use crate::select::Selected;
-use crate::sizes;
-use crate::stages::{RunColumns, Stages, Steps};
-use crate::stranger;
-use crate::value_group::Group;
-use crate::values;
-use crate::views;
-use crate::written::Kept;
+use crate::report::curves;
+use crate::report::details::{self, Details, ParameterLine, Stage, Unsure};
+use crate::report::diagnosis::{Cause, Diagnosis};
+use crate::report::regimes::{self, Cell, Regime};
+use crate::report::residual_tests;
+use crate::report::views;
+use crate::screen::log_check;
+use crate::screen::prepared::{Prepared, turn_columns, unknown};
+use crate::select::adopted::Adopted;
+use crate::select::confounded_values;
+use crate::select::flange_body;
+use crate::select::forward::Selected;
+use crate::select::residual::Residue;
+use crate::select::value_group::Group;
+use crate::select::values;
 
 impl Procedure<'_> {
     /// None where the equations have no solution.
@@ -52,7 +52,7 @@ impl Procedure<'_> {
         let mut selected = Selected::new(&search)?;
         let mut left_out = Vec::new();
         let mut no_body = None;
-        let body = body::at_flange(&mut search, &selected, &mut no_body, say);
+        let body = flange_body::at_flange(&mut search, &selected, &mut no_body, say);
         let body = or_said(body, "whether one body at the flange is simpler", &mut left_out);
         if let Some((candidate, adoption)) = body.flatten() {
             or_said(selected.adopt(&mut search, &candidate, adoption, say), "one body at the flange", &mut left_out);
@@ -60,10 +60,11 @@ impl Procedure<'_> {
         or_said(selected.select(&mut search, say), "a further effect", &mut left_out);
         let mut unsure = details::unsure(&search)?;
         let may_be = "whether wrong link parameters are a counterbalance or a load";
-        let mut doubts = or_said(freed::Doubts::find(&mut search, &selected, say), may_be, &mut left_out);
+        let mut doubts =
+            or_said(counterbalance_or_link::Doubts::find(&mut search, &selected, say), may_be, &mut left_out);
         let mut wrong = values::wrong(&mut search, &selected.adopted)?;
         loop {
-            let instead = instead::replace(&mut search, &wrong, &selected, say);
+            let instead = confounded_values::replace(&mut search, &wrong, &selected, say);
             let instead = or_said(instead, "whether an effect replaces wrong parameters", &mut left_out);
             let Some((candidate, adoption)) = instead.flatten() else { break };
             wrong.undo(&mut search);
@@ -71,7 +72,7 @@ impl Procedure<'_> {
             let taken = or_said(taken, "an effect in place of wrong parameters", &mut left_out);
             or_said(selected.select(&mut search, say), "a further effect", &mut left_out);
             unsure = details::unsure(&search)?;
-            doubts = or_said(freed::Doubts::find(&mut search, &selected, say), may_be, &mut left_out);
+            doubts = or_said(counterbalance_or_link::Doubts::find(&mut search, &selected, say), may_be, &mut left_out);
             wrong = values::wrong(&mut search, &selected.adopted)?;
             if taken.is_none() {
                 break;
@@ -79,7 +80,7 @@ impl Procedure<'_> {
         }
         let doubts = doubts.unwrap_or_default();
         let Selected { mut adopted, .. } = selected;
-        let doubted = freed::doubt(&mut search, &mut adopted);
+        let doubted = counterbalance_or_link::doubt(&mut search, &mut adopted);
         or_said(doubted, "whether a counterbalance is a body whose centre lies elsewhere", &mut left_out);
         let over: Vec<String> = search.noise.iter().zip(&search.floor).map(|(n, f)| format!("{:.1}", n / f)).collect();
         let first: Vec<String> =
@@ -143,9 +144,9 @@ impl Procedure<'_> {
         let of_the_arm = |g: &&Group| matches!(g.effect, Effect::LinkInertia | Effect::RotorInertia);
         let impossible: Vec<usize> =
             wrong.impossible.iter().map(|(group, _)| group).filter(of_the_arm).map(|group| group.joint).collect();
-        let stranger = stranger::joints(self.nominal, &x, &adopted, &impossible, &trusted)
+        let stranger = other_arm::joints(self.nominal, &x, &adopted, &impossible, &trusted)
             .filter(|_| !report.refuted)
-            .or_else(|| stranger::far_too_strong(&as_given, &fitted, &trusted));
+            .or_else(|| other_arm::far_too_strong(&as_given, &fitted, &trusted));
         if let Some(joints) = stranger {
             report.is_of_another_arm(joints.iter().map(|j| self.names()[*j].clone()).collect());
             upheld.fill(false);
@@ -181,12 +182,12 @@ impl Procedure<'_> {
             sized = or_said(again, sizes, &mut left_out);
         }
         let named = |hint: &Cause| report.causes.iter().any(|c| c.effect == hint.effect && c.joints == hint.joints);
-        let offsets = offsets::causes(self.nominal, &parameters, &report.per_joint);
+        let offsets = torque_offset::causes(self.nominal, &parameters, &report.per_joint);
         let offsets: Vec<Cause> = offsets.into_iter().filter(|hint| !named(hint)).collect();
         report.withdrawn.extend(offsets);
         let reported = reported_stages.as_ref().unwrap_or(&measured);
         report.details = Some(self.details(&report, &search, &steps, &prediction, [&measured, reported], parameters));
-        report.withdrawn.extend(no_body.map(|what| sizes::hint(Effect::Payload, Vec::new(), &[what])));
+        report.withdrawn.extend(no_body.map(|what| cause_sizes::hint(Effect::Payload, Vec::new(), &[what])));
         for what in &left_out {
             say(&format!("no solution: {what}"));
         }
@@ -253,13 +254,13 @@ impl Procedure<'_> {
                 measured: Gap::new(&measured.tau, &measured.models[k]).all,
             }
         };
-        let load = exhibit::load(self.sealed, self.nominal, &self.nominal.x);
+        let load = curves::load(self.sealed, self.nominal, &self.nominal.x);
         Details {
             stages: (0..measured.models.len()).map(stage).collect(),
             ledger: details::ledger(told, &self.sealed.floor, &names),
-            left: leftover::by_joint(self.sealed, told, &names),
+            left: residual_tests::by_joint(self.sealed, told, &names),
             views: views::tabulate(self.sealed, told, &load, &search.first_noise, &names),
-            excerpts: exhibit::excerpts(self.sealed, told, &names),
+            excerpts: curves::excerpts(self.sealed, told, &names),
             parameters,
             nominal_error: search.scale,
         }
