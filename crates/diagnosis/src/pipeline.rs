@@ -3,9 +3,9 @@
 use nalgebra::DVector;
 use rivet_dynamics::Parameter;
 
-use crate::effects::effect::{Effect, Kind};
-use crate::effects::form::Form;
+use crate::effects::Kind;
 use crate::effects::physics::Physics;
+use crate::effects::{counterbalance, payload};
 use crate::experiment::separating_motion::MotionBounds;
 use crate::export::file_values::Kept;
 use crate::export::patch::{self, Patch};
@@ -110,7 +110,7 @@ impl Procedure<'_> {
         say("prediction of the held-out log");
         // The motion does not tell when contact comes: on the sealed run it is part of what is left.
         let silent: Vec<usize> =
-            steps.iter().filter(|s| s.effect == Effect::ExternalForce).flat_map(|s| s.columns.clone()).collect();
+            steps.iter().filter(|s| s.effect.about().is_intermittent).flat_map(|s| s.columns.clone()).collect();
         let fitted = Fitted { nominal: &self.nominal.x, steps: &order, x: &x, means: &means };
         let prediction = predict(&search, &seen, &hidden, &fitted, &silent)?;
         say("the sealed torque");
@@ -130,7 +130,7 @@ impl Procedure<'_> {
             log,
         };
         let (mut report, mut upheld) = opened.diagnosis();
-        let links: Vec<usize> = groups.iter().filter(|g| g.effect == Effect::LinkInertia).map(|g| g.joint).collect();
+        let links: Vec<usize> = groups.iter().filter(|g| g.effect.about().is_link_body).map(|g| g.joint).collect();
         report.links_are_not_told_from(&doubts.of_links(&links));
         let unheard = self.unheard(&report.log);
         let trusted: Vec<usize> = (0..self.names().len()).filter(|j| !unheard.contains(j)).collect();
@@ -141,7 +141,7 @@ impl Procedure<'_> {
             .iter()
             .map(|gap| gap.in_motion.is_none_or(|[_, after]| after <= POLICY.held_out.min_gap_in_motion))
             .collect();
-        let of_the_arm = |g: &&Group| matches!(g.effect, Effect::LinkInertia | Effect::RotorInertia);
+        let of_the_arm = |g: &&Group| g.effect.about().is_inertia;
         let impossible: Vec<usize> =
             wrong.impossible.iter().map(|(group, _)| group).filter(of_the_arm).map(|group| group.joint).collect();
         let stranger = other_arm::joints(self.nominal, &x, &adopted, &impossible, &trusted)
@@ -187,7 +187,7 @@ impl Procedure<'_> {
         report.withdrawn.extend(offsets);
         let reported = reported_stages.as_ref().unwrap_or(&measured);
         report.details = Some(self.details(&report, &search, &steps, &prediction, [&measured, reported], parameters));
-        report.withdrawn.extend(no_body.map(|what| cause_sizes::hint(Effect::Payload, Vec::new(), &[what])));
+        report.withdrawn.extend(no_body.map(|what| cause_sizes::hint(payload::EFFECT, Vec::new(), &[what])));
         for what in &left_out {
             say(&format!("no solution: {what}"));
         }
@@ -201,7 +201,7 @@ impl Procedure<'_> {
             timing: all().filter_map(|r| r.extra.first()).collect(),
             bounds,
             sized: &sized,
-            doubted: if report.links_may_be(Effect::Counterbalance) {
+            doubted: if report.links_may_be(counterbalance::EFFECT) {
                 doubts.classes(&links).collect()
             } else {
                 Vec::new()
@@ -329,7 +329,7 @@ impl Procedure<'_> {
         let nominal = Physics::new(&run.run, &run.motion, self.nominal, &self.nominal.x).with_known_torque(&run.known);
         let mut extra: Vec<Column> = run.unnamed(self.nominal, &nominal);
         for adopted in adopted {
-            if let (Form::Force { .. }, Some(contact)) = (&adopted.form, contact) {
+            if let Some(contact) = contact.filter(|_| adopted.form.has_stretches()) {
                 extra.push(contact.iter().cloned().map(Some).collect());
                 continue;
             }

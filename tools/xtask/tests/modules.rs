@@ -122,6 +122,35 @@ fn folders_of_the_diagnosis_import_in_one_direction() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
+/// Lines of sources outside `effects` that name an effect or a form by its variant.
+fn named_variants(folder: &Path) -> Vec<String> {
+    let is_variant = |line: &str, list: &str| {
+        let mut after = line.split(list).skip(1);
+        after.any(|rest| rest.starts_with(|c: char| c.is_ascii_uppercase()) && !rest.starts_with("ALL"))
+    };
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").path()) {
+        if entry.is_dir() {
+            if entry.file_name().is_some_and(|name| name != "effects") {
+                found.extend(named_variants(&entry));
+            }
+            continue;
+        }
+        let text = std::fs::read_to_string(&entry).expect("a source");
+        let named = text.lines().filter(|line| is_variant(line, "Form::") || is_variant(line, "Effect::"));
+        found.extend(named.map(|line| format!("{}: {}", entry.display(), line.trim())));
+    }
+    found
+}
+
+#[test]
+fn effects_are_named_in_their_own_files_only() {
+    let source = workspace().join("crates/diagnosis/src");
+    let found = named_variants(&source);
+    assert!(found.is_empty(), "{}", found.join("\n"));
+    assert!(!named_variants(&source.join("effects")).is_empty(), "the files of the effects name them");
+}
+
 #[test]
 fn an_import_against_the_order_is_found() {
     let modules = |sources: [(&str, &str); 2]| sources.map(|(name, text)| (name.to_owned(), text.to_owned())).into();

@@ -2,170 +2,39 @@
 
 use rivet_dynamics::{EffectKind, Joints, KnownEffect, KnownEffects, Model, Workspace, friction_sign};
 
-use crate::effects::form::Form;
+use crate::effects::Form;
+use crate::effects::base_flexibility::Base;
+use crate::effects::current_loop_lag::Lag;
+use crate::effects::joint_elasticity::TwoMass;
 use crate::effects::physics::Physics;
-use crate::effects::physics::base_mode::Mode;
-use crate::effects::two_mass::Gear;
+use crate::effects::presliding_friction::Presliding;
+use crate::effects::transport_delay::Delay;
 use crate::effects::warming;
 use crate::model::nominal::Nominal;
 use crate::model::run::{Motion, Run};
-use crate::policy::POLICY;
-
-/// What becomes of an adopted form in a robot file.
-pub(crate) enum Carried {
-    /// A section of its own.
-    Effect(KnownEffect),
-    /// Changes of standard parameters, by place.
-    Values(Vec<(usize, f64)>),
-    /// Change of gravity in base axes \[m/s²\].
-    Gravity([f64; 3]),
-    /// Nothing: why.
-    Nothing(&'static str),
-}
-
-impl Form {
-    /// Standard vector that the columns of the form are made with.
-    pub(crate) fn made_with<'a>(&self, physics: &'a Physics<'_>) -> &'a [f64] {
-        match self {
-            // The link's body as the file has it, whatever was refitted since.
-            Form::LinkScale { .. } => &physics.nominal.x,
-            _ => &physics.x,
-        }
-    }
-
-    /// The form with coefficients `c` as part of a robot file. `x` is the standard vector that its columns were made with;
-    /// `reference_c` the motors' temperature at the start \[°C\]. Values beside the effect come second.
-    pub(crate) fn carried(
-        &self,
-        c: &[f64],
-        x: &[f64],
-        joints: usize,
-        reference_c: Option<&[f64]>,
-    ) -> (Carried, Vec<(usize, f64)>) {
-        use EffectKind as Kind;
-        let coulomb = |j: usize| 12 * joints + j;
-        let mut value_changes = Vec::new();
-        let effect = |kind: Kind, joint: usize, values: &[f64]| Carried::Effect(KnownEffect::new(kind, joint, values));
-        let carried = match *self {
-            Form::Asymmetry { joint } => effect(Kind::FrictionAsymmetry, joint, c),
-            Form::OneSided { joint, forwards } => {
-                // Half of it is friction of both directions, half pushes one way.
-                value_changes.push((coulomb(joint), 0.5 * c[0]));
-                let push = if forwards { 0.5 } else { -0.5 } * c[0];
-                effect(Kind::FrictionAsymmetry, joint, &[push, 0.0])
-            }
-            Form::Stribeck { joint, velocity } => effect(Kind::StribeckFriction, joint, &[c[0], velocity]),
-            Form::ViscousNonlinearity { joint } => {
-                value_changes.push((11 * joints + joint, c[0]));
-                effect(Kind::ViscousNonlinearity, joint, &c[1..])
-            }
-            Form::Load { joint } => effect(Kind::LoadDependentFriction, joint, c),
-            Form::Temperature { joint } => {
-                let reference = reference_c.map_or(0.0, |t| t[joint]);
-                effect(Kind::TemperatureDependentFriction, joint, &[c[0], c[1], reference])
-            }
-            Form::Warming { joint, warmth } => {
-                // A file's friction holds at the beginning, and its state is in watts.
-                let (power, early) = (warmth.mean_power(x, joints, joint), warmth.start - warmth.reference());
-                let values = [c[0] / power, c[1] / power, warmth.start * power, warmth.time_s];
-                // By values that take nothing, or next to nothing, it is infinitely much for each watt.
-                if !values.iter().all(|v| v.abs() <= POLICY.plausibility.max_friction_per_watt) {
-                    return (
-                        Carried::Nothing(
-                            "friction dissipates no power with the parameters found, so it cannot warm \
-                                          the joint",
-                        ),
-                        value_changes,
-                    );
-                }
-                value_changes.extend([(11 * joints + joint, c[0] * early), (coulomb(joint), c[1] * early)]);
-                effect(Kind::TemperatureDependentFriction, joint, &values)
-            }
-            Form::Presliding { joint, length } => {
-                effect(Kind::PreslidingFriction, joint, &[c[0] * x[coulomb(joint)].abs(), length])
-            }
-            Form::Hysteresis { .. } => Carried::Nothing(
-                "hysteresis in parallel to friction is not in the list of \
-                                                         effects",
-            ),
-            Form::PositionFriction { joint, order } => {
-                value_changes.push((coulomb(joint), c[2]));
-                effect(Kind::PositionDependentFriction, joint, &[c[0], c[1], order])
-            }
-            Form::Gain { joint } => effect(Kind::TorqueConstant, joint, c),
-            Form::TorqueLaw { .. } => {
-                Carried::Nothing("torque that is not proportional to its signal is not in the list of effects")
-            }
-            Form::Ripple { joint, order } => effect(Kind::TorqueRipple, joint, &[c[0], c[1], order]),
-            Form::TransmissionError { joint, order } => effect(Kind::TransmissionError, joint, &[c[0], c[1], order]),
-            Form::TwoMass { joint, gear } if gear.gap > 0.0 => {
-                effect(Kind::Backlash, joint, &[gear.gap, gear.stiffness, gear.damping, c[0]])
-            }
-            Form::TwoMass { joint, gear } => {
-                effect(Kind::JointElasticity, joint, &[gear.stiffness, gear.damping, c[0]])
-            }
-            Form::Base { mode } => effect(Kind::BaseFlexibility, 0, &mode.handed_on(c[0])),
-            Form::Spring { joint } => {
-                value_changes.push((13 * joints + joint, c[1]));
-                effect(Kind::JointSpring, joint, &c[..1])
-            }
-            Form::Counterbalance { joint, arm, phase } => {
-                effect(Kind::Counterbalance, joint, &[c[0], c[1], arm, phase])
-            }
-            Form::Counterweight { joint } => {
-                // Without free length the lever law is a sine, whatever the arm.
-                effect(Kind::Counterbalance, joint, &[2.0 * c[0].hypot(c[1]), 0.0, 0.5, c[1].atan2(c[0])])
-            }
-            Form::Pull { .. } => Carried::Nothing("a pull from one angle on is not in the list of effects"),
-            Form::AngleLaw { .. } | Form::Softening { .. } => {
-                Carried::Nothing("another law of the angle is not in the list of effects")
-            }
-            Form::Constant { .. } => Carried::Nothing("a constant torque is not in the list of effects"),
-            Form::PositionScale { .. } => Carried::Nothing("a scale of the position is not in the list of effects"),
-            Form::SpringBetween { .. } => Carried::Nothing("a spring over two joints is not in the list of effects"),
-            Form::Coupling { driving, driven, whole } => {
-                if whole {
-                    value_changes.extend([driving, driven].map(|j| (10 * joints + j, c[2])));
-                }
-                effect(Kind::JointCoupling, driven, c)
-            }
-            Form::Delay { seconds } => effect(Kind::TransportDelay, 0, &[seconds * c[0]]),
-            Form::Lag { .. } => effect(Kind::CurrentLoopLag, 0, c),
-            Form::Saturation { joint, limit } => effect(Kind::TorqueSaturation, joint, &[limit]),
-            Form::EncoderOffset { joint } => effect(Kind::EncoderOffset, joint, c),
-            Form::Eccentricity { joint } => effect(Kind::EncoderEccentricity, joint, c),
-            Form::Force { .. } => Carried::Nothing("contact is not a property of the arm"),
-            Form::Gravity => Carried::Gravity([c[0], c[1], 0.0]),
-            Form::Payload => Carried::Values((0..10).map(|e| (10 * (joints - 1) + e, c[e])).collect()),
-            Form::LinkScale { link } => {
-                Carried::Values((0..10).map(|e| (10 * link + e, c[0] * x[10 * link + e])).collect())
-            }
-            Form::RotorInertia { joint } => Carried::Values(vec![(10 * joints + joint, c[0])]),
-            Form::Viscous { joint } => Carried::Values(vec![(11 * joints + joint, c[0])]),
-            Form::Coulomb { joint } => Carried::Values(vec![(coulomb(joint), c[0])]),
-        };
-        (carried, value_changes)
-    }
-}
 
 /// The form with the memory of an effect, and the factor of its one column; none for other effects.
 fn form(effect: &KnownEffect, x: &[f64], joints: usize) -> Option<(Form, f64)> {
-    let (joint, [a, b, c, d]) = (effect.joint, effect.values);
     match effect.kind {
         EffectKind::PreslidingFriction => {
-            let level = x[12 * joints + joint].abs();
-            (level > 0.0).then(|| (Form::Presliding { joint, length: b }, a / level))
+            Presliding::from_file(effect, x, joints).map(|(form, factor)| (form.into(), factor))
         }
-        EffectKind::Backlash => Some((Form::TwoMass { joint, gear: Gear { gap: a, stiffness: b, damping: c } }, d)),
-        EffectKind::JointElasticity => {
-            Some((Form::TwoMass { joint, gear: Gear { gap: 0.0, stiffness: a, damping: b } }, c))
+        EffectKind::Backlash | EffectKind::JointElasticity => {
+            let (form, factor) = TwoMass::from_file(effect);
+            Some((form.into(), factor))
         }
         EffectKind::BaseFlexibility => {
-            let mode = Mode::given([a, b, c, d]);
-            Some((Form::Base { mode }, mode.share))
+            let (form, factor) = Base::from_file(effect);
+            Some((form.into(), factor))
         }
-        EffectKind::TransportDelay => Some((Form::Delay { seconds: a }, 1.0)),
-        EffectKind::CurrentLoopLag => Some((Form::Lag { stands: false }, a)),
+        EffectKind::TransportDelay => {
+            let (form, factor) = Delay::from_file(effect);
+            Some((form.into(), factor))
+        }
+        EffectKind::CurrentLoopLag => {
+            let (form, factor) = Lag::from_file(effect);
+            Some((form.into(), factor))
+        }
         _ => None,
     }
 }
@@ -264,6 +133,26 @@ pub(crate) fn torque(nominal: &Nominal, effects: &[KnownEffect], run: &Run, moti
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::effects::carried::Carried;
+    use crate::effects::counterbalance::{Counterbalance, Counterweight};
+    use crate::effects::encoder_eccentricity::Eccentricity;
+    use crate::effects::encoder_offset::EncoderOffset;
+    use crate::effects::friction_asymmetry::{Asymmetry, OneSided};
+    use crate::effects::joint_coupling::Coupling;
+    use crate::effects::joint_spring::Spring;
+    use crate::effects::link_inertia::LinkScale;
+    use crate::effects::load_dependent_friction::Load;
+    use crate::effects::payload::Payload;
+    use crate::effects::physics::base_mode::Mode;
+    use crate::effects::position_dependent_friction::PositionFriction;
+    use crate::effects::stribeck_friction::Stribeck;
+    use crate::effects::temperature_dependent_friction::{Temperature, Warming};
+    use crate::effects::torque_constant::Gain;
+    use crate::effects::torque_ripple::Ripple;
+    use crate::effects::transmission_error::TransmissionError;
+    use crate::effects::two_mass::Gear;
+    use crate::effects::viscous_friction::Viscous;
+    use crate::effects::viscous_nonlinearity::ViscousNonlinearity;
     use crate::effects::warming::Warmth;
     use rivet_dynamics::{Arm, Structure};
 
@@ -273,7 +162,8 @@ mod tests {
         let warmth = Warmth { time_s: 1.5, start: 0.4, at_work: true, work: [0.2, 0.06], power: 1.0, span_s: 2.5 };
         let x = |friction: f64| [vec![1.0; 33], vec![friction; 9]].concat();
         for (friction, carries) in [(2.0, true), (0.0, false), (-1.0, false), (1e-9, false)] {
-            let (carried, beside) = Form::Warming { joint: 1, warmth }.carried(&[-0.3, -0.9], &x(friction), 3, None);
+            let (carried, beside) =
+                Form::from(Warming { joint: 1, warmth }).carried(&[-0.3, -0.9], &x(friction), 3, None);
             assert_eq!(matches!(carried, Carried::Effect(_)), carries, "{friction} N m");
             assert_eq!(beside.is_empty(), !carries);
         }
@@ -315,32 +205,32 @@ mod tests {
             Mode { hz: 9.0, damping: 0.04, heading: 0.6, share: 0.7, inertia: [40.0, 3.0, 30.0], highest_hz: 27.0 };
         let gear = |gap: f64| Gear { stiffness: 2e4, damping: 0.2, gap };
         let cases: Vec<(Form, Vec<f64>)> = vec![
-            (Form::Asymmetry { joint: 1 }, vec![1.2, 0.4]),
-            (Form::OneSided { joint: 0, forwards: true }, vec![1.4]),
-            (Form::OneSided { joint: 3, forwards: false }, vec![-0.6]),
-            (Form::Stribeck { joint: 2, velocity: 0.05 }, vec![2.0]),
-            (Form::ViscousNonlinearity { joint: 0 }, vec![0.4, -0.7, 0.3]),
-            (Form::Load { joint: 1 }, vec![0.12]),
-            (Form::Temperature { joint: 3 }, vec![-0.05, -0.02]),
-            (Form::Warming { joint: 1, warmth }, vec![-0.3, -0.9]),
-            (Form::Warming { joint: 4, warmth: Warmth { start: 2.0, ..warmth } }, vec![-0.3, -0.9]),
-            (Form::Presliding { joint: 2, length: 0.01 }, vec![0.9]),
-            (Form::PositionFriction { joint: 4, order: 2.0 }, vec![0.5, -0.8, 0.0]),
-            (Form::Gain { joint: 1 }, vec![0.08]),
-            (Form::Ripple { joint: 5, order: 60.0 }, vec![0.3, 0.2]),
-            (Form::TransmissionError { joint: 1, order: 20.0 }, vec![1e-6, 2e-6]),
-            (Form::Eccentricity { joint: 2 }, vec![1e-5, -2e-5]),
-            (Form::TwoMass { joint: 1, gear: gear(0.0) }, vec![1.05]),
-            (Form::TwoMass { joint: 1, gear: gear(2e-3) }, vec![0.95]),
-            (Form::Spring { joint: 2 }, vec![7.0, 0.0]),
-            (Form::Counterbalance { joint: 1, arm: 0.3, phase: 0.7 }, vec![20.0, -8.0]),
-            (Form::Counterweight { joint: 1 }, vec![-20.0, 8.0]),
-            (Form::Coupling { driving: 4, driven: 5, whole: false }, vec![0.6, 0.4, 0.02]),
-            (Form::Coupling { driving: 4, driven: 5, whole: true }, vec![0.6, 0.4, 0.02]),
-            (Form::Delay { seconds: 0.003 }, vec![1.0]),
-            (Form::Lag { stands: false }, vec![0.004]),
-            (Form::EncoderOffset { joint: 1 }, vec![1e-5]),
-            (Form::Base { mode }, vec![mode.share]),
+            (Asymmetry { joint: 1 }.into(), vec![1.2, 0.4]),
+            (OneSided { joint: 0, forwards: true }.into(), vec![1.4]),
+            (OneSided { joint: 3, forwards: false }.into(), vec![-0.6]),
+            (Stribeck { joint: 2, velocity: 0.05 }.into(), vec![2.0]),
+            (ViscousNonlinearity { joint: 0 }.into(), vec![0.4, -0.7, 0.3]),
+            (Load { joint: 1 }.into(), vec![0.12]),
+            (Temperature { joint: 3 }.into(), vec![-0.05, -0.02]),
+            (Warming { joint: 1, warmth }.into(), vec![-0.3, -0.9]),
+            (Warming { joint: 4, warmth: Warmth { start: 2.0, ..warmth } }.into(), vec![-0.3, -0.9]),
+            (Presliding { joint: 2, length: 0.01 }.into(), vec![0.9]),
+            (PositionFriction { joint: 4, order: 2.0 }.into(), vec![0.5, -0.8, 0.0]),
+            (Gain { joint: 1 }.into(), vec![0.08]),
+            (Ripple { joint: 5, order: 60.0 }.into(), vec![0.3, 0.2]),
+            (TransmissionError { joint: 1, order: 20.0 }.into(), vec![1e-6, 2e-6]),
+            (Eccentricity { joint: 2 }.into(), vec![1e-5, -2e-5]),
+            (TwoMass { joint: 1, gear: gear(0.0) }.into(), vec![1.05]),
+            (TwoMass { joint: 1, gear: gear(2e-3) }.into(), vec![0.95]),
+            (Spring { joint: 2 }.into(), vec![7.0, 0.0]),
+            (Counterbalance { joint: 1, arm: 0.3, phase: 0.7 }.into(), vec![20.0, -8.0]),
+            (Counterweight { joint: 1 }.into(), vec![-20.0, 8.0]),
+            (Coupling { driving: 4, driven: 5, whole: false }.into(), vec![0.6, 0.4, 0.02]),
+            (Coupling { driving: 4, driven: 5, whole: true }.into(), vec![0.6, 0.4, 0.02]),
+            (Delay { seconds: 0.003 }.into(), vec![1.0]),
+            (Lag { stands: false }.into(), vec![0.004]),
+            (EncoderOffset { joint: 1 }.into(), vec![1e-5]),
+            (Base { mode }.into(), vec![mode.share]),
         ];
         let mut seen = Vec::new();
         for (form, c) in cases {
@@ -381,7 +271,7 @@ mod tests {
         let refitted: Vec<f64> = x.iter().map(|v| 1.3 * v).collect();
         let physics = Physics::new(&run, &motion, &nominal, &refitted);
         let (mut ws, mut y) = (Workspace::new(&model.arm), vec![0.0; n * model.len()]);
-        for form in [Form::LinkScale { link: 2 }, Form::Payload, Form::Viscous { joint: 1 }] {
+        for form in [LinkScale { link: 2 }.into(), Payload.into(), Form::from(Viscous { joint: 1 })] {
             let columns = form.columns(&physics);
             let c: Vec<f64> = (0..columns.len()).map(|i| 0.3 + 0.1 * i as f64).collect();
             let (Carried::Values(changes), _) = form.carried(&c, form.made_with(&physics), n, None) else {

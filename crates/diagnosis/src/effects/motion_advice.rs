@@ -1,12 +1,12 @@
 //! The motion that separates two effects, in words.
 
-use crate::effects::effect::Effect;
+use crate::effects::Effect;
 
 /// The motion that separates an effect from its rivals; none when it has no rival and nothing outside the library looks like it.
 pub(crate) fn motion(effect: Effect, rivals: &[Effect]) -> Option<String> {
     if rivals.is_empty() {
         let zero = "the torque signal with the drive off (a zero that is off by as much looks the same in motion)";
-        return (effect == Effect::FrictionAsymmetry).then(|| zero.to_owned());
+        return effect.about().is_like_torque_zero.then(|| zero.to_owned());
     }
     let both = |a: Effect, b: Effect| effect == a && rivals == [b] || effect == b && rivals == [a];
     if both(Effect::Counterbalance, Effect::LinkInertia) {
@@ -24,38 +24,10 @@ pub(crate) fn motion(effect: Effect, rivals: &[Effect]) -> Option<String> {
             "the same motion with nothing at the flange: what it carries and the last link are one body".to_owned(),
         );
     }
-    let motion_of = |effect: Effect| match effect {
-        Effect::StribeckFriction | Effect::ViscousNonlinearity => {
-            "constant speeds from very slow to fast, each in both directions"
-        }
-        Effect::PreslidingFriction => "tiny reversals, well below the length of the presliding spring",
-        Effect::Backlash => "slow reversals of the load without reversal of the speed",
-        Effect::JointElasticity | Effect::TransportDelay | Effect::CurrentLoopLag => {
-            "a chirp through 1 to 20 Hz: delay grows with the first, elasticity with the second power of frequency"
-        }
-        Effect::LoadDependentFriction => "the same pose reached slowly from both sides, with two payloads",
-        Effect::PositionDependentFriction | Effect::TorqueRipple | Effect::TransmissionError => {
-            "one slow constant speed over the joint's whole range, then twice that speed"
-        }
-        Effect::TorqueConstant => "a known mass at the flange, held at several poses",
-        Effect::JointSpring | Effect::Counterbalance => "static poses over the joint's whole range, from both sides",
-        Effect::FrictionAsymmetry | Effect::CoulombFriction => {
-            "slow moves in both directions through the same poses, with the torque signal's zero known"
-        }
-        Effect::TemperatureDependentFriction => "one reference move repeated from cold until warm",
-        Effect::GravityDirection | Effect::Payload | Effect::LinkInertia | Effect::EncoderOffset => {
-            "static poses with the wrist turned, joint 1 at several angles"
-        }
-        Effect::BaseFlexibility => {
-            "short moves that start and stop hard, with joint 1 at several angles, and rests after them"
-        }
-        Effect::JointCoupling => "each of the two joints alone at constant speed",
-        _ => "each joint alone, slow and fast, over its whole range",
-    };
-    let mut motions: Vec<&str> = vec![motion_of(effect)];
+    let mut motions: Vec<&str> = vec![effect.about().motion];
     for rival in rivals {
-        if !motions.contains(&motion_of(*rival)) {
-            motions.push(motion_of(*rival));
+        if !motions.contains(&rival.about().motion) {
+            motions.push(rival.about().motion);
         }
     }
     Some(motions.join("; "))

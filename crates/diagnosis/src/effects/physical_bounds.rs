@@ -5,7 +5,6 @@
 
 use rivet_dynamics::{Arm, Parameter};
 
-use crate::effects::form::Form;
 use crate::model::nominal::Nominal;
 use crate::policy::POLICY;
 
@@ -30,34 +29,12 @@ pub(crate) fn text(what: &[Impossible]) -> String {
     }
 }
 
-/// The value of a form that no arm has, if one is.
-pub(crate) fn of_form(form: &Form, c: &[f64], nominal: &Nominal, standard: &[f64]) -> Option<Impossible> {
-    let n = nominal.model.arm.dof();
-    let at = |at: usize| of_value(at, nominal, standard);
-    match *form {
-        Form::Payload => of_payload(c, &nominal.model.arm),
-        Form::LinkScale { link } => (10 * link..10 * link + 10).find_map(at),
-        Form::Gain { joint } if 1.0 + c[0] <= 0.0 => {
-            let name = format!("gain of {}", nominal.model.arm.joints[joint].name);
-            Some(Impossible { name, value: 1.0 / (1.0 + c[0]), unit: "" })
-        }
-        // As they were adopted they had the right sign; what was fitted beside them since may have turned it.
-        Form::Stribeck { joint, .. } | Form::Load { joint, .. } | Form::Spring { joint, .. } if !form.plausible(c) => {
-            let name = format!("its size on {}", nominal.model.arm.joints[joint].name);
-            Some(Impossible { name, value: c[0], unit: "" })
-        }
-        _ => place(form, n).and_then(at),
-    }
-}
-
-/// The standard parameter that a form changes, where that is one.
-pub(crate) fn place(form: &Form, joints: usize) -> Option<usize> {
-    match *form {
-        Form::RotorInertia { joint } => Some(10 * joints + joint),
-        Form::Viscous { joint } => Some(11 * joints + joint),
-        Form::Coulomb { joint } => Some(12 * joints + joint),
-        _ => None,
-    }
+/// The size of a form whose sign is wrong. As it was adopted it had the right one; what was fitted beside it since may have turned it.
+pub(crate) fn wrong_sign(is_plausible: bool, joint: usize, c: &[f64], nominal: &Nominal) -> Option<Impossible> {
+    (!is_plausible).then(|| {
+        let name = format!("its size on {}", nominal.model.arm.joints[joint].name);
+        Impossible { name, value: c[0], unit: "" }
+    })
 }
 
 /// A body at the flange of an arm. Where the flange is the model does not say: about as far beyond the last link's centre as that is beyond its

@@ -134,6 +134,11 @@ impl<'a> Physics<'a> {
         self.motion.joints()
     }
 
+    /// Place of a joint's Coulomb friction in the standard vector.
+    pub(crate) fn coulomb(&self, joint: usize) -> usize {
+        10 * self.joints() + 2 * self.joints() + joint
+    }
+
     pub(crate) fn samples(&self) -> usize {
         self.motion.len()
     }

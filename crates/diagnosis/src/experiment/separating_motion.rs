@@ -13,9 +13,10 @@
 
 use rivet_dynamics::{Model, Workspace};
 
-use crate::effects::effect::Effect;
-use crate::effects::form::Form;
+use crate::effects::Effect;
+use crate::effects::Form;
 use crate::effects::physics::Physics;
+use crate::effects::{counterbalance, link_inertia};
 use crate::model::nominal::{Nominal, standard_columns};
 use crate::model::rows::Chain;
 use crate::model::run::{Motion, Run};
@@ -141,7 +142,7 @@ impl Plan {
         let has = |effect: Effect| is(effect)(class.form) || class.rivals.iter().any(is(effect));
         if class.is_of_time() {
             &[Plan::Chirp]
-        } else if has(Effect::Counterbalance) && has(Effect::LinkInertia) {
+        } else if has(counterbalance::EFFECT) && has(link_inertia::EFFECT) {
             &[Plan::Fast]
         } else {
             &Plan::ALL
@@ -302,7 +303,7 @@ impl Class<'_> {
     /// Whether all of it moves torque in time.
     fn is_of_time(&self) -> bool {
         let mut all = std::iter::once(self.form).chain(&self.rivals);
-        all.all(|form| matches!(form, Form::Delay { .. } | Form::Lag { .. }))
+        all.all(Form::shifts_time)
     }
 }
 

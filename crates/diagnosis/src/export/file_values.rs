@@ -8,8 +8,6 @@
 use rivet_dynamics::{BaseSet, KnownEffect, Model};
 use rivet_estimation::consistency::{ConsistencyError, Projection, Reference, project, project_torque};
 
-use crate::effects::form::Form;
-use crate::effects::warming_candidates;
 use crate::export::torque_parts::Told;
 use crate::model::nominal::Nominal;
 use crate::model::rows::Column;
@@ -153,15 +151,7 @@ impl Draft<'_> {
         let mut effects = self.effects.to_vec();
         let nominal_effects = self.nominal.model.effects().list().len();
         for Adopted { form, values: fitted, .. } in self.adopted {
-            if let Form::Warming { .. } = form {
-                warming_candidates::in_watts_of(
-                    form,
-                    &mut effects[nominal_effects..],
-                    self.model.arm.dof(),
-                    fitted,
-                    values,
-                );
-            }
+            form.convert(&mut effects[nominal_effects..], self.model.arm.dof(), fitted, values);
         }
         effects
     }

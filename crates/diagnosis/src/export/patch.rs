@@ -4,9 +4,9 @@ use nalgebra::DMatrix;
 use rivet_dynamics::{BaseSet, EffectKind, Joints, KnownEffect, KnownEffects, Model};
 use rivet_estimation::consistency::{ConsistencyError, Projection, Reference};
 
-use crate::effects::effect::Effect;
-use crate::effects::form::Form;
-use crate::effects::known::Carried;
+use crate::effects::Effect;
+use crate::effects::Form;
+use crate::effects::carried::Carried;
 use crate::effects::physical_bounds;
 use crate::experiment::separating_motion::{self, Class, IdentifiedArm, MotionBounds, SeparatingMotion};
 use crate::export::file_values::{Draft, Kept, Written, relative, worse};

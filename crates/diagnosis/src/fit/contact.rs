@@ -8,7 +8,7 @@ use std::ops::Range;
 use nalgebra::{Cholesky, DMatrix, DVector, Vector3};
 use rivet_dynamics::{Arm, Joint, JointKind, Workspace, flange_pose, inverse_dynamics};
 
-use crate::effects::form::{Form, force_components};
+use crate::effects::external_force::{Force, force_components};
 use crate::effects::physics::Physics;
 use crate::fit::evidence::{Belief, CandidateSums};
 use crate::fit::search::{Bursts, Candidate, Search};
@@ -49,7 +49,7 @@ impl Search<'_> {
         }
         let nothing: Vec<Vec<Column>> = self.runs.iter().map(|_| vec![vec![None; joints]]).collect();
         (!local.is_empty()).then(|| Candidate {
-            form: Form::Force { windows: windows.clone(), moment },
+            form: Force { windows: windows.clone(), moment }.into(),
             columns: nothing,
             cells: Vec::new(),
             belief: Belief { mean: DVector::repeat(1, 1.0), std: DVector::repeat(1, 1.0) },

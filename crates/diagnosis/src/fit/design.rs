@@ -5,7 +5,7 @@ use std::ops::Range;
 use nalgebra::{DMatrix, DVector};
 use rivet_dynamics::Parameter;
 
-use crate::effects::form::Form;
+use crate::effects::Form;
 use crate::fit::evidence::Background;
 use crate::model::nominal::Nominal;
 use crate::model::rows::Column;
@@ -214,7 +214,7 @@ impl Design {
 
     /// Undoes an [`adopt`](Self::adopt) before others: the columns from `place` on, as many as means, are nothing from now on.
     pub(crate) fn forget(&mut self, form: &Form, place: usize, mean: &[f64]) {
-        if matches!(form, Form::Force { .. }) {
+        if form.has_stretches() {
             self.background.local.clear();
         }
         for (d, y) in self.d.iter_mut().flatten().zip(self.y.iter_mut().flatten()) {

@@ -14,8 +14,12 @@
 use nalgebra::DVector;
 use rivet_dynamics::Model;
 
-use crate::effects::form::Form;
+use crate::effects::Form;
+use crate::effects::friction_asymmetry::Asymmetry;
+use crate::effects::load_dependent_friction::Load;
 use crate::effects::physics::Physics;
+use crate::effects::stribeck_friction::Stribeck;
+use crate::effects::viscous_nonlinearity::ViscousNonlinearity;
 use crate::fit::design::{Block, Design};
 use crate::fit::evidence::PRIOR_SCALES;
 use crate::model::nominal::{Nominal, Typical};
@@ -257,10 +261,10 @@ impl Law {
     fn forms(&self, typical: &Typical, parts: &[Part]) -> Vec<Form> {
         let on = |joint: usize| {
             parts.iter().map(move |part| match part {
-                Part::Stribeck => Form::Stribeck { joint, velocity: self.stribeck[joint] * typical.speed(joint) },
-                Part::Load => Form::Load { joint },
-                Part::Direction => Form::Asymmetry { joint },
-                Part::Nonlinear => Form::ViscousNonlinearity { joint },
+                Part::Stribeck => Stribeck { joint, velocity: self.stribeck[joint] * typical.speed(joint) }.into(),
+                Part::Load => Load { joint }.into(),
+                Part::Direction => Asymmetry { joint }.into(),
+                Part::Nonlinear => ViscousNonlinearity { joint }.into(),
             })
         };
         (0..self.noise.len()).flat_map(on).collect()

@@ -2,11 +2,12 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::effects::base_candidates;
+use crate::effects::Form;
+use crate::effects::base_flexibility;
 use crate::effects::candidates;
-use crate::effects::form::Form;
+use crate::effects::external_force::Force;
 use crate::effects::physics::Physics;
-use crate::effects::warming_candidates;
+use crate::effects::temperature_dependent_friction;
 use crate::fit::design::Design;
 use crate::fit::evidence::{Added, Background, Belief, CandidateCell, FOLDS, PRIOR_SCALES, Solved};
 use crate::model::nominal::Nominal;
@@ -218,15 +219,10 @@ impl<'a> Search<'a> {
 
     /// Makes a candidate of a form.
     pub(crate) fn candidate(&self, form: Form, physics: &[Physics<'_>]) -> Option<Candidate> {
-        if let Form::Force { windows, moment } = &form {
+        if let Some(Force { windows, moment }) = form.get() {
             return self.contact(windows, *moment, physics);
         }
-        let is_seen = match form {
-            Form::Pull { joint, from, above } => candidates::is_reached(physics, joint, from, above),
-            Form::Saturation { joint, limit } => candidates::is_cut(physics, joint, limit),
-            _ => true,
-        };
-        if !is_seen {
+        if !form.is_observed(physics) {
             return None;
         }
         let columns: Vec<Vec<Column>> = self.runs.iter().zip(physics).map(|(r, p)| r.columns(&form, p)).collect();
@@ -255,12 +251,12 @@ impl<'a> Search<'a> {
             });
         }
         let mut std = DVector::zeros(count);
-        if matches!(form, Form::LinkScale { .. }) {
-            return Some(Belief { mean: DVector::zeros(count), std: DVector::repeat(count, POLICY.priors.link_scale) });
+        if let Some(prior_std) = form.prior_std() {
+            return Some(Belief { mean: DVector::zeros(count), std: DVector::repeat(count, prior_std) });
         }
         for c in 0..count {
-            // A planar arm feels some of a body only; whatever is believed of the rest.
-            let unfelt = matches!(form, Form::Payload).then_some(1.0);
+            // Whatever is believed of what nobody feels.
+            let unfelt = form.has_unfelt_columns().then_some(1.0);
             std[c] = self.free(columns, c).or(unfelt)?;
         }
         Some(Belief { mean: DVector::zeros(count), std })
@@ -416,10 +412,11 @@ impl<'a> Search<'a> {
         scoring: Option<&Scoring<'_>>,
     ) -> Vec<Candidate> {
         let new = self.design.background.local.is_empty() && !bursts.iter().all(Vec::is_empty);
-        let force = |moment| Form::Force { windows: bursts.clone(), moment };
+        let force = |moment| Form::from(Force { windows: bursts.clone(), moment });
         let force = [false, true].into_iter().filter(|_| new).map(force);
-        let further_forms =
-            warming_candidates::forms(physics).into_iter().chain(base_candidates::forms(physics)).chain(force);
+        let warming = temperature_dependent_friction::candidates(physics).into_iter().map(Form::from);
+        let bases = base_flexibility::candidates(physics).into_iter().map(Form::from);
+        let further_forms = warming.chain(bases).chain(force);
         let forms: Vec<Form> = candidates::forms(physics, orders).into_iter().chain(further_forms).collect();
         let made = |form: &Form| {
             let mut candidate = self.candidate(form.clone(), physics)?;

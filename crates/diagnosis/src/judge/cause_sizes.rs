@@ -4,9 +4,10 @@
 
 use nalgebra::DVector;
 
-use crate::effects::effect::{Effect, Kind};
-use crate::effects::form::{Form, force_components};
+use crate::effects::SizeReference;
+use crate::effects::external_force::Force;
 use crate::effects::physical_bounds::{self, Impossible};
+use crate::effects::{Effect, Kind};
 use crate::fit::evidence::Solved;
 use crate::fit::search::Search;
 use crate::judge::procedure::{Procedure, Step};
@@ -93,7 +94,7 @@ impl Procedure<'_> {
         for (cause, step) in standing.iter_mut().enumerate() {
             step.adopted.retain(|a| {
                 let c = a.coefficients(&solved.x);
-                let Some(what) = physical_bounds::of_form(&a.form, &c, self.nominal, &standard) else { return true };
+                let Some(what) = a.form.impossible(&c, self.nominal, &standard) else { return true };
                 search.design.forget(&a.form, a.place, &a.mean);
                 step.columns.retain(|c| !(a.place..a.place + a.mean.len()).contains(c));
                 refused.push(Refused { cause, joints: a.form.joints(), what });
@@ -180,28 +181,28 @@ impl Procedure<'_> {
             changed_columns.map(|c| (model.parameters[*c].name(&model.arm), value(c))).collect();
         let several = sizes.len() + step.adopted.len() > 1;
         for adopted in &step.adopted {
-            let mut c: Vec<f64> = match adopted.form {
-                Form::Force { .. } => solved.stretches.iter().flatten().copied().collect(),
-                _ => adopted.coefficients(x),
+            let mut c: Vec<f64> = if adopted.form.has_stretches() {
+                solved.stretches.iter().flatten().copied().collect()
+            } else {
+                adopted.coefficients(x)
             };
             // One value by two columns, the model's and its own.
-            if let Some(at) = physical_bounds::place(&adopted.form, model.arm.dof()) {
+            if let Some(at) = adopted.form.place(model.arm.dof()) {
                 c[0] += x[at];
             }
-            let values = match adopted.form {
-                Form::Warming { .. } => search.values(x),
-                // Its level is that of its column.
-                Form::Presliding { .. } => adopted.values.clone(),
-                _ => self.nominal.x.clone(),
+            let values = match adopted.form.size_reference() {
+                SizeReference::Fitted => search.values(x),
+                SizeReference::Column => adopted.values.clone(),
+                SizeReference::Nominal => self.nominal.x.clone(),
             };
             for (name, size) in adopted.form.magnitude(&c, search.floor.len(), &values) {
                 let joint =
                     adopted.form.joints().first().filter(|_| several).map(|j| model.arm.joints[*j].name.clone());
                 sizes.push((joint.map_or(name.clone(), |joint| format!("{joint}.{name}")), size));
             }
-            if let Form::Force { moment, .. } = adopted.form {
-                if !moment || search.floor.len() >= force_components(true) {
-                    let steady = search.steady_force(&solved.stretches, moment).map(|of_burst| of_burst.norm());
+            if let Some(force @ Force { moment, .. }) = adopted.form.get() {
+                if force.has_size(search.floor.len()) {
+                    let steady = search.steady_force(&solved.stretches, *moment).map(|of_burst| of_burst.norm());
                     sizes.push(("steady_N".to_owned(), steady.fold(0.0, f64::max)));
                 }
                 let torque = search.design.local_torque(&solved.stretches);

@@ -1,8 +1,11 @@
 //! Which steps of the selection the held-out run upholds as causes, and the report of each.
 
-use crate::effects::effect::{Effect, Kind};
-use crate::effects::form::Form;
+use crate::effects::Form;
+use crate::effects::external_force::Force;
+use crate::effects::link_inertia::LinkScale;
 use crate::effects::motion_advice;
+use crate::effects::payload;
+use crate::effects::{Effect, Kind};
 use crate::fit::evidence::Solved;
 use crate::fit::motion_gap::Sealed;
 use crate::fit::prediction::Prediction;
@@ -90,10 +93,7 @@ impl Judge<'_> {
                 self.sealed.notices(k, on.clone()) && !(everywhere && self.sealed.spoils(k))
             };
         // Refined, it may have become as little as a stop is smeared by.
-        let smeared = |a: &Adopted| {
-            matches!(a.form, Form::Delay { .. } | Form::Presliding { .. })
-                && !a.form.plausible(&a.coefficients(&solved.x))
-        };
+        let smeared = |a: &Adopted| a.form.is_like_smoothing() && !a.form.plausible(&a.coefficients(&solved.x));
         let enough = step.adopted.iter().all(|a| self.residue.upholds(a) && !smeared(a));
         // Where most joints stand a wrong value of one is told from its own motion, however little of the whole gap that is.
         let step_joints = || (0..self.names.len()).filter(|j| step.joints.is_empty() || step.joints.contains(j));
@@ -107,17 +107,15 @@ impl Judge<'_> {
         // Other joints' wrong gains make bodies wrong, and then the one that is right looks wrong.
         let given =
             |j: usize| self.sealed.in_motion(j).is_none_or(|[before, _]| before > POLICY.held_out.max_sound_gap);
-        let right = step.effect == Effect::TorqueConstant && !step_joints().any(given);
-        let cut = step.effect == Effect::TorqueSaturation;
+        let right = step.effect.about().is_gain && !step_joints().any(given);
+        let cut = step.effect.about().cuts_command;
         let needed = || !self.sound && self.sealed.is_helped(k, on);
         let helped = value || !predictable || cut || step.adopted.is_empty() || needed();
         let law = step.adopted.iter().any(|a| a.form.of_angle_alone());
         let needed_there = law && self.sealed.is_needed(k, step_joints());
         // What is on all joints may take most of what is missed in motion and nothing of the whole gap, which is mostly what joints hold at rest: a
         // tilt of 4 degrees, a delay of 8 ms. A load pulls there as well.
-        let tilt_or_time =
-            matches!(step.effect, Effect::GravityDirection | Effect::TransportDelay | Effect::CurrentLoopLag);
-        let plain_everywhere = tilt_or_time && !step.adopted.is_empty() && seen;
+        let plain_everywhere = step.effect.about().is_judged_in_motion && !step.adopted.is_empty() && seen;
         // Two wrong values of a drive that make up for each other are each the worse for being right alone.
         let material =
             (drive && plain) || needed_there || plain_everywhere || is_material(step, shrink, plain, predictable);
@@ -128,8 +126,7 @@ impl Judge<'_> {
     fn is_patched(steps: &[Step], step: &Step) -> bool {
         let laws = |j: usize| {
             let all = steps.iter().flat_map(|s| &s.adopted);
-            let nameless =
-                |form: &Form| matches!(form, Form::Pull { .. } | Form::AngleLaw { .. } | Form::Softening { .. });
+            let nameless = |form: &Form| form.is_nameless() && form.effect().about().balances_gravity;
             let law = |form: &Form| form.of_angle_alone() || nameless(form);
             all.filter(|a| law(&a.form) && a.form.joints() == [j]).count()
         };
@@ -139,10 +136,10 @@ impl Judge<'_> {
     /// Whether a thing without a name was taken up on a joint of the step: what else is there may be a part of it. Of a constant, which a
     /// signal has and not the arm, nothing is.
     fn is_beside_nameless(steps: &[Step], step: &Step) -> bool {
-        let part = |form: &Form| form.is_nameless() && !matches!(form, Form::Constant { .. });
+        let part = |form: &Form| form.is_nameless() && !form.is_torque_zero();
         let nameless = steps.iter().flat_map(|s| &s.adopted).filter(|a| part(&a.form));
         // What the larger of two misses for a while looks like a touch.
-        let touch = step.adopted.iter().find(|a| matches!(a.form, Form::Force { .. }));
+        let touch = step.adopted.iter().find(|a| a.form.has_stretches());
         if let Some(touch) = touch {
             return nameless.into_iter().any(|a| a.gain > touch.gain);
         }
@@ -174,7 +171,7 @@ impl Judge<'_> {
         for adopted in effects {
             any = true;
             // When contact comes again no motion tells.
-            all &= !matches!(adopted.form, Form::Force { .. });
+            all &= !adopted.form.has_stretches();
         }
         let left_over = self.residue.any_noisy();
         !faulty
@@ -217,7 +214,7 @@ fn withdraw_slight_contact(
     upheld: &mut [bool],
 ) -> bool {
     let slight = |c: &Cause| {
-        c.effect == Effect::ExternalForce
+        c.effect.about().is_intermittent
             && c.share.is_some_and(|share| share < POLICY.held_out.min_contact_share_open)
             && judge.sealed.is_mostly_open()
     };
@@ -228,7 +225,7 @@ fn withdraw_slight_contact(
     *causes = kept;
     withdrawn.extend::<Vec<Cause>>(out);
     for (step, upheld) in steps.iter().zip(upheld) {
-        *upheld &= step.effect != Effect::ExternalForce;
+        *upheld &= !step.effect.about().is_intermittent;
     }
     true
 }
@@ -366,16 +363,12 @@ impl Opened<'_> {
             let runs = self.procedure.look.iter().zip(self.seen).zip(windows);
             runs.into_iter().any(|((run, stages), own)| Sealed { run, stages, noise }.is_open_outside(own))
         };
-        step.adopted.iter().any(|a| matches!(&a.form, Form::Force { windows, .. } if throughout(windows)))
+        step.adopted.iter().any(|a| a.form.get().is_some_and(|Force { windows, .. }| throughout(windows)))
     }
 
     /// Of what looks like contact: why it is none, as a load that was picked up or put down during a run, or drag.
     fn instead_of_contact(&self, k: usize, step: &Step) -> Option<String> {
-        let Form::Force { windows, .. } =
-            step.adopted.iter().map(|a| &a.form).find(|f| matches!(f, Form::Force { .. }))?
-        else {
-            return None;
-        };
+        let Force { windows, .. } = step.adopted.iter().find_map(|a| a.form.get())?;
         let runs = self.procedure.look.iter().zip(self.seen).zip(windows);
         let mut why = runs.filter_map(|((run, seen), own)| {
             let force = |j: usize, row: usize| seen.models[k + 1][j][row] - seen.models[k][j][row];
@@ -391,7 +384,7 @@ impl Opened<'_> {
     fn is_last_link_heavier(&self, step: &Step) -> bool {
         let last = self.procedure.names().len() - 1;
         step.adopted.iter().any(|a| {
-            matches!(a.form, Form::LinkScale { link } if link == last)
+            a.form.get().is_some_and(|LinkScale { link }| *link == last)
                 && a.coefficients(&self.solved.x)[0] > POLICY.confidence.heavier_link
         })
     }
@@ -401,8 +394,8 @@ impl Opened<'_> {
         // What the others say of a drive whose torque is not believed in some run nothing has checked.
         let step = &step.on_drives(&self.procedure.nominal.model.parameters, |j| !judge.is_unbelieved(&judge.names[j]));
         let mut class = equivalence_class::effects(&step.adopted);
-        let carries = self.is_last_link_heavier(step) && class.iter().all(|(effect, _)| *effect != Effect::Payload);
-        class.extend(carries.then_some((Effect::Payload, 0.0)));
+        let carries = self.is_last_link_heavier(step) && class.iter().all(|(effect, _)| *effect != payload::EFFECT);
+        class.extend(carries.then_some((payload::EFFECT, 0.0)));
         let rivals: Vec<Effect> = class.iter().map(|(effect, _)| *effect).collect();
         let shown = Shown {
             effect: step.effect,
@@ -420,16 +413,16 @@ impl Opened<'_> {
         }
         let small = |a: &Adopted| {
             let gain = a.coefficients(&self.solved.x).first().copied().unwrap_or(0.0);
-            matches!(a.form, Form::Gain { .. }) && gain.abs() < POLICY.confidence.small_gain
+            a.form.is_gain() && gain.abs() < POLICY.confidence.small_gain
         };
         if step.adopted.iter().any(small) {
             confidence *= POLICY.confidence.may_be_bodies;
         }
         // A zero of the torque signal that is off looks the same in motion: it has no name in the list, but they are one class.
-        if step.effect == Effect::FrictionAsymmetry {
+        if step.effect.about().is_like_torque_zero {
             confidence *= POLICY.confidence.first_of_class;
         }
-        if step.effect == Effect::FrictionAsymmetry && self.steps.iter().any(|s| is_load_on(s, &step.joints)) {
+        if step.effect.about().is_like_torque_zero && self.steps.iter().any(|s| is_load_on(s, &step.joints)) {
             confidence *= POLICY.confidence.beside_load;
         }
         // Where joints stand, what they hold may spoil a promise; an effect with which the run comes down to its noise in motion goes on.
@@ -476,7 +469,7 @@ fn is_structure(cause: &Cause) -> bool {
 
 /// Whether a step is friction with load on one of these joints.
 fn is_load_on(step: &Step, joints: &[usize]) -> bool {
-    step.effect == Effect::LoadDependentFriction && step.joints.iter().any(|j| joints.contains(j))
+    step.effect.about().grows_with_load && step.joints.iter().any(|j| joints.contains(j))
 }
 
 /// Whether an effect takes most of the gap, whatever it is called.
@@ -509,23 +502,24 @@ fn is_material(step: &Step, shrink: Shrink, plain: bool, predictable: bool) -> b
     let value = step.effect.kind() == Kind::Value;
     let everywhere = step.joints.is_empty();
     // An effect that the motion tells of takes something, before the sealed torque was looked at or after, or is none.
-    let takes = match step.effect {
-        Effect::ExternalForce => true,
+    let about = step.effect.about();
+    let takes = match () {
+        () if about.is_intermittent => true,
         // A command need not be cut again, but where it is the rest must fit.
-        Effect::TorqueSaturation => {
+        () if about.cuts_command => {
             measured > -POLICY.held_out.min_effect_shrink
                 && predicted.max(measured) > POLICY.held_out.min_saturation_shrink
         }
         // Lengths of the arm that are off look like a little of one, which promises nothing on motion that was not seen.
-        _ if step.adopted.iter().any(|a| a.form.of_angle_alone()) => {
+        () if step.adopted.iter().any(|a| a.form.of_angle_alone()) => {
             low > 0.0 && measured > POLICY.held_out.min_effect_shrink
         }
         // A load pulls in every pose: one that may as well take nothing is none.
-        Effect::Payload => measured > 0.0 && low > 0.0,
+        () if about.acts_in_every_pose => measured > 0.0 && low > 0.0,
         // A tilt or a load is on every joint: what it gains on some it must not lose on others, unless it is plain in motion.
-        _ if value && everywhere => measured > 0.0,
-        _ if value || !everywhere && plain => predicted.max(measured) > 0.0,
-        _ => predicted.min(measured) > POLICY.held_out.min_effect_shrink,
+        () if value && everywhere => measured > 0.0,
+        () if value || !everywhere && plain => predicted.max(measured) > 0.0,
+        () => predicted.min(measured) > POLICY.held_out.min_effect_shrink,
     };
     // Where nothing was promised, far more than was thought possible is no confirmation.
     takes && (value || !predictable || low > 0.0 || measured <= POLICY.held_out.max_surprise_ratio * high)
@@ -555,8 +549,16 @@ pub(crate) fn share_left(before: &Gap, after: &Gap, floor: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::effects::counterbalance::Counterbalance;
+    use crate::effects::friction_asymmetry::Constant;
+    use crate::effects::presliding_friction::Hysteresis;
+    use crate::effects::torque_constant::TorqueLaw;
+    use crate::effects::torque_ripple::Ripple;
+    use crate::effects::torque_saturation::Saturation;
+    use crate::effects::{coulomb_friction, link_inertia, rotor_inertia};
 
-    fn step(form: Form) -> Step {
+    fn step(form: impl Into<Form>) -> Step {
+        let form = form.into();
         let (effect, joints) = (form.effect(), form.joints());
         Step { effect, joints, columns: Vec::new(), adopted: vec![Adopted::alone(form)], doubtful: false }
     }
@@ -569,18 +571,18 @@ mod tests {
             let step = Step { effect, joints, columns: Vec::new(), adopted: Vec::new(), doubtful: false };
             confidence(&step, Shrink { predicted: 0.3, low: 0.2, high: 0.4, measured: 0.3 }, 0)
         };
-        assert!(said(Effect::CoulombFriction, 3) > 0.9 && said(Effect::RotorInertia, 5) > 0.9);
-        assert!(said(Effect::CoulombFriction, 2) < 0.5 && said(Effect::LinkInertia, 4) < 0.5);
+        assert!(said(coulomb_friction::EFFECT, 3) > 0.9 && said(rotor_inertia::EFFECT, 5) > 0.9);
+        assert!(said(coulomb_friction::EFFECT, 2) < 0.5 && said(link_inertia::EFFECT, 4) < 0.5);
     }
 
     /// What is beside a hose may be a part of it; what is beside a signal whose zero is off is not.
     #[test]
     fn a_constant_hides_no_effect_of_its_joint() {
-        let ripple = |joint: usize| step(Form::Ripple { joint, order: 25.0 });
+        let ripple = |joint: usize| step(Ripple { joint, order: 25.0 });
         let beside = |form: Form, joint: usize| Judge::is_beside_nameless(&[step(form), ripple(joint)], &ripple(joint));
-        assert!(beside(Form::Hysteresis { joint: 2, length: 0.02 }, 2));
-        assert!(!beside(Form::Hysteresis { joint: 2, length: 0.02 }, 1));
-        assert!(!beside(Form::Constant { joint: 2 }, 2));
+        assert!(beside(Hysteresis { joint: 2, length: 0.02 }.into(), 2));
+        assert!(!beside(Hysteresis { joint: 2, length: 0.02 }.into(), 1));
+        assert!(!beside(Constant { joint: 2 }.into(), 2));
     }
 
     /// A drive that loses torque when it brings much (gain 306) was contact for half a second (43).
@@ -591,8 +593,8 @@ mod tests {
             step.adopted.iter_mut().for_each(|a| a.gain = gain);
             step
         };
-        let touch = |gain: f64| with(Form::Force { windows: vec![vec![(6.9, 7.4)]], moment: false }, gain);
-        let law = || with(Form::TorqueLaw { joint: 1 }, 306.0);
+        let touch = |gain: f64| with(Force { windows: vec![vec![(6.9, 7.4)]], moment: false }.into(), gain);
+        let law = || with(TorqueLaw { joint: 1 }.into(), 306.0);
         assert!(Judge::is_beside_nameless(&[law(), touch(43.0)], &touch(43.0)));
         assert!(!Judge::is_beside_nameless(&[law(), touch(400.0)], &touch(400.0)));
         assert!(!Judge::is_beside_nameless(&[touch(43.0)], &touch(43.0)));
@@ -600,7 +602,7 @@ mod tests {
 
     #[test]
     fn a_limit_that_neither_promises_nor_takes_anything_is_none() {
-        let limit = step(Form::Saturation { joint: 1, limit: 198.0 });
+        let limit = step(Saturation { joint: 1, limit: 198.0 });
         let is = |predicted: f64, measured: f64| {
             is_material(&limit, Shrink { predicted, low: -0.1, high: 1.0, measured }, true, false)
         };
@@ -612,11 +614,11 @@ mod tests {
     /// Lengths of the arm that were off by 2 to 10 % were a counterbalance (0.87 to 0.93) which took 2 % of the sealed gap and promised none.
     #[test]
     fn a_law_of_the_angle_that_promises_nothing_is_none() {
-        let lever = || step(Form::Counterbalance { joint: 1, arm: 0.3, phase: 0.0 });
+        let lever = || step(Counterbalance { joint: 1, arm: 0.3, phase: 0.0 });
         let took = |low: f64| Shrink { predicted: 0.1, low, high: 0.3, measured: 0.12 };
         assert!(!is_material(&lever(), took(-0.03), true, true));
         assert!(is_material(&lever(), took(0.02), true, true));
         // What turns with the motion needs no promise.
-        assert!(is_material(&step(Form::Ripple { joint: 1, order: 25.0 }), took(-0.03), true, true));
+        assert!(is_material(&step(Ripple { joint: 1, order: 25.0 }), took(-0.03), true, true));
     }
 }

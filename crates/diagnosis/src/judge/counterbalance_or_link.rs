@@ -6,9 +6,12 @@
 
 use rivet_dynamics::Arm;
 
-use crate::effects::effect::Effect;
-use crate::effects::form::Form;
+use crate::effects::Effect;
+use crate::effects::Form;
+use crate::effects::counterbalance::{self, Counterweight};
+use crate::effects::link_inertia::{self, LinkScale};
 use crate::effects::motion_advice;
+use crate::effects::payload;
 use crate::effects::physical_bounds;
 use crate::experiment::separating_motion::Class;
 use crate::fit::search::Search;
@@ -23,9 +26,9 @@ const HELD_COLUMN_ERROR_SHARE: f64 = 1e-4;
 
 /// Adds the link to what a counterbalance is not told from; none where equations have no solution.
 pub(crate) fn doubt(search: &mut Search<'_>, adopted: &mut [Adopted]) -> Option<()> {
-    for one in adopted.iter_mut().filter(|a| a.form.effect() == Effect::Counterbalance) {
+    for one in adopted.iter_mut().filter(|a| a.form.effect() == counterbalance::EFFECT) {
         let [joint] = one.form.joints()[..] else { continue };
-        let named = one.rivals.iter().any(|rival| rival.form.effect() == Effect::LinkInertia);
+        let named = one.rivals.iter().any(|rival| rival.form.effect() == link_inertia::EFFECT);
         if !named {
             one.rivals.extend(rival(search, one, joint)?);
         }
@@ -48,7 +51,7 @@ impl Doubts {
         let free = search.solved(search.scale)?;
         let mut counterbalance = Vec::new();
         for joint in 0..search.noise.len() {
-            let form = Form::Counterweight { joint };
+            let form = Form::from(Counterweight { joint });
             let candidate = search.candidate(form.clone(), &selected.physics);
             let added = candidate.and_then(|c| free.add(&c.cells, &c.belief, &search.weights, |_| true));
             let added = added
@@ -75,7 +78,7 @@ impl Doubts {
     pub(crate) fn classes(&self, links: &[usize]) -> impl Iterator<Item = Class<'_>> {
         links.iter().filter_map(|link| {
             let (form, coefficients) = self.there(*link)?;
-            let rivals = vec![Form::LinkScale { link: *link }];
+            let rivals = vec![LinkScale { link: *link }.into()];
             Some(Class { form, coefficients: coefficients.clone(), rivals })
         })
     }
@@ -84,10 +87,10 @@ impl Doubts {
     pub(crate) fn of_links(&self, links: &[usize]) -> Vec<Effect> {
         let mut found = Vec::new();
         if links.iter().any(|link| self.there(*link).is_some()) {
-            found.push(Effect::Counterbalance);
+            found.push(counterbalance::EFFECT);
         }
         if self.payload && links.iter().any(|link| link + 1 == self.counterbalance.len()) {
-            found.push(Effect::Payload);
+            found.push(payload::EFFECT);
         }
         found
     }
@@ -96,14 +99,14 @@ impl Doubts {
 impl Diagnosis {
     /// Whether values of links stand that are not told from this effect.
     pub(crate) fn links_may_be(&self, effect: Effect) -> bool {
-        self.causes.iter().any(|c| c.effect == Effect::LinkInertia && c.indistinguishable_from.contains(&effect))
+        self.causes.iter().any(|c| c.effect == link_inertia::EFFECT && c.indistinguishable_from.contains(&effect))
     }
 
     /// Says of wrong values of links what they are not told from.
     pub(crate) fn links_are_not_told_from(&mut self, effects: &[Effect]) {
         let is_not_named = |e: &&Effect| !self.causes.iter().any(|cause| cause.effect == **e);
         let class: Vec<Effect> = effects.iter().filter(is_not_named).copied().collect();
-        for cause in self.causes.iter_mut().filter(|cause| cause.effect == Effect::LinkInertia) {
+        for cause in self.causes.iter_mut().filter(|cause| cause.effect == link_inertia::EFFECT) {
             if cause.indistinguishable_from.is_empty() {
                 cause.separating_motion = motion_advice::motion(cause.effect, &class).filter(|_| !class.is_empty());
                 cause.indistinguishable_from.clone_from(&class);
@@ -154,7 +157,7 @@ fn rival(search: &mut Search<'_>, one: &Adopted, joint: usize) -> Option<Vec<Riv
     let moment = |entry: usize| search.nominal.x[first_column + entry] + body.x[first_column + entry];
     let centre = (1..4).map(|entry| (moment(entry) / mass).powi(2)).sum::<f64>().sqrt();
     let cosine = (1.0 - across).clamp(0.0, 1.0).sqrt();
-    let rival = Rival::if_confounded(&Form::LinkScale { link: joint }, cosine).filter(|_| alike && centre <= far);
+    let rival = Rival::if_confounded(&LinkScale { link: joint }.into(), cosine).filter(|_| alike && centre <= far);
     Some(rival.into_iter().collect())
 }
 

@@ -7,8 +7,9 @@
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
-use crate::effects::effect::Effect;
-use crate::effects::form::AXES;
+use crate::effects::Effect;
+use crate::effects::columns::AXES;
+use crate::effects::{encoder_offset, gravity_direction};
 use crate::fit::motion_gap::Sealed;
 use crate::fit::stages::{RunColumns, Stages};
 use crate::judge::causes::share_left;
@@ -38,8 +39,8 @@ enum Otherwise {
 impl Otherwise {
     fn effect(&self) -> Effect {
         match self {
-            Otherwise::Gravity(_) => Effect::GravityDirection,
-            Otherwise::Zero(_) => Effect::EncoderOffset,
+            Otherwise::Gravity(_) => gravity_direction::EFFECT,
+            Otherwise::Zero(_) => encoder_offset::EFFECT,
         }
     }
 
@@ -210,10 +211,10 @@ pub(crate) fn check(procedure: &Procedure<'_>, say: &mut dyn FnMut(&str)) -> Opt
             (other.effect(), cosine.clamp(-1.0, 1.0).acos())
         });
     let alike: Vec<(Effect, f64)> = alike.collect();
-    tell(procedure, told, missed / as_given, alike).inspect(|found| {
-        say(match found.causes[0].effect {
-            Effect::GravityDirection => "gravity points elsewhere",
-            _ => "a joint's zero is elsewhere",
+    tell(procedure, told, missed / as_given, alike).inspect(|_| {
+        say(match told {
+            Otherwise::Gravity(_) => "gravity points elsewhere",
+            Otherwise::Zero(_) => "a joint's zero is elsewhere",
         });
     })
 }

@@ -1,6 +1,6 @@
 //! The gap of the model with the named causes alone, without effects that were withdrawn.
 
-use crate::effects::effect::Kind;
+use crate::effects::Kind;
 use crate::fit::motion_gap::Sealed;
 use crate::fit::stages::{RunColumns, Stages};
 use crate::judge::cause_sizes::Sized;

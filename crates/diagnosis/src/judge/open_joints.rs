@@ -4,7 +4,7 @@
 //! mostly not in the list, structure was named above 0.6 on such joints 22 times and was the effect itself 4 times; where all
 //! joints were closed it mostly was.
 
-use crate::effects::effect::{Effect, Kind};
+use crate::effects::Kind;
 use crate::policy::POLICY;
 use crate::report::diagnosis::{Cause, Diagnosis, JointGap, Verdict};
 
@@ -33,7 +33,7 @@ impl Diagnosis {
         };
         let helps = |cause: &Cause| {
             let structure = cause.effect.kind() == Kind::Structure;
-            !structure || !spoils(cause) && (is_inexact(cause.effect) || closes(cause))
+            !structure || !spoils(cause) && (cause.effect.about().is_inexact || closes(cause))
         };
         let out: Vec<usize> = (0..self.causes.len()).filter(|k| !helps(&self.causes[*k])).collect();
         for k in out.iter().rev() {
@@ -54,7 +54,7 @@ impl Diagnosis {
     /// Joints that are left open by several exact laws of their own, while most come down to their noise.
     fn crowded(&self) -> impl Iterator<Item = &String> {
         let exact_causes = |joint: &String| {
-            let exact = |c: &&Cause| c.effect.kind() == Kind::Structure && !is_inexact(c.effect);
+            let exact = |c: &&Cause| c.effect.kind() == Kind::Structure && !c.effect.about().is_inexact;
             self.causes.iter().filter(exact).filter(|c| c.joints.contains(joint)).count()
         };
         let apart = self.come_down();
@@ -84,7 +84,7 @@ impl Diagnosis {
     pub(crate) fn doubt_what_is_left_open(&mut self) {
         let acts_on = |cause: &Cause, joint: &String| cause.joints.is_empty() || cause.joints.contains(joint);
         let open: Vec<String> = self.left_open().map(|(joint, _)| joint.clone()).collect();
-        let roughly: Vec<Cause> = self.causes.iter().filter(|c| is_inexact(c.effect)).cloned().collect();
+        let roughly: Vec<Cause> = self.causes.iter().filter(|c| c.effect.about().is_inexact).cloned().collect();
         let strange = open.iter().any(|joint| !roughly.iter().any(|c| acts_on(c, joint)));
         let rings = self
             .per_joint
@@ -98,18 +98,18 @@ impl Diagnosis {
                     })
             };
             // Friction of either direction is exact, and so is a gain: with it nothing else is left.
-            let exact = matches!(cause.effect, Effect::FrictionAsymmetry | Effect::TorqueConstant);
+            let exact = cause.effect.about().is_exact;
             if exact && self.per_joint.iter().any(kept) {
                 cause.confidence *= POLICY.confidence.left_open;
             }
             if rings
-                && cause.effect == Effect::ExternalForce
+                && cause.effect.about().is_intermittent
                 && cause.share.is_some_and(|share| share < POLICY.held_out.min_contact_share)
             {
                 cause.confidence *= POLICY.confidence.left_open;
             }
             let structure = cause.effect.kind() == Kind::Structure;
-            if structure && !is_inexact(cause.effect) && open.iter().any(|joint| acts_on(cause, joint)) {
+            if structure && !cause.effect.about().is_inexact && open.iter().any(|joint| acts_on(cause, joint)) {
                 cause.confidence *= POLICY.confidence.left_open;
             } else if strange {
                 cause.confidence *= POLICY.confidence.open_beside;
@@ -118,23 +118,14 @@ impl Diagnosis {
     }
 }
 
-/// Whether an effect goes on otherwise than its model: a joint that warms up may have gone on otherwise than it began, too.
-fn is_inexact(effect: Effect) -> bool {
-    matches!(
-        effect,
-        Effect::JointElasticity
-            | Effect::Backlash
-            | Effect::PreslidingFriction
-            | Effect::TransportDelay
-            | Effect::TemperatureDependentFriction
-            | Effect::BaseFlexibility
-            | Effect::ExternalForce
-    )
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::effects::Effect;
+    use crate::effects::{
+        coulomb_friction, counterbalance, external_force, friction_asymmetry, joint_elasticity, stribeck_friction,
+        torque_saturation,
+    };
     use crate::report::diagnosis::DataUse;
 
     /// Joints a, b and c with these gaps in motion; one cause on each of the first joints.
@@ -170,7 +161,7 @@ mod tests {
     #[test]
     fn wrong_values_are_no_answer_beside_a_joint_that_is_left() {
         let open = |after: [f64; 3]| {
-            diagnosis(after.map(|after| [90.0, after]), &[Effect::CoulombFriction]).keeps_open_joints()
+            diagnosis(after.map(|after| [90.0, after]), &[coulomb_friction::EFFECT]).keeps_open_joints()
         };
         assert!(!open([1.0, 1.1, 3.9]) && open([1.0, 1.1, 4.1]));
         // As on measured arms: a UR10e without its friction was `unexplained` where these values take 96 % of the squared gap.
@@ -179,7 +170,7 @@ mod tests {
 
     #[test]
     fn what_is_named_where_a_gap_is_left_is_doubted_most() {
-        let effects = [Effect::Counterbalance, Effect::StribeckFriction, Effect::CoulombFriction];
+        let effects = [counterbalance::EFFECT, stribeck_friction::EFFECT, coulomb_friction::EFFECT];
         assert_eq!(confidences([[20.0, 1.1], [8.0, 1.0], [3.0, 1.5]], &effects), [1.0; 3]);
         let open = confidences([[20.0, 9.0], [8.0, 1.0], [3.0, 1.5]], &effects);
         assert_eq!(open, [POLICY.confidence.left_open, POLICY.confidence.open_beside, POLICY.confidence.open_beside]);
@@ -188,21 +179,21 @@ mod tests {
 
     #[test]
     fn what_is_never_exact_says_nothing_against_itself() {
-        let effects = [Effect::JointElasticity, Effect::StribeckFriction];
+        let effects = [joint_elasticity::EFFECT, stribeck_friction::EFFECT];
         assert_eq!(confidences([[20.0, 9.0], [8.0, 1.0], [1.0, 1.0]], &effects), [1.0; 2]);
         assert_eq!(confidences([[20.0, 9.0], [8.0, 1.0], [9.0, 9.0]], &effects), [POLICY.confidence.open_beside; 2]);
-        let contact = [Effect::ExternalForce, Effect::TorqueSaturation];
+        let contact = [external_force::EFFECT, torque_saturation::EFFECT];
         assert_eq!(confidences([[20.0, 9.0], [30.0, 9.0], [9.0, 9.0]], &contact)[1], POLICY.confidence.left_open);
     }
 
     #[test]
     fn exact_friction_leaves_nothing_and_a_slight_contact_may_be_a_gear_that_rings() {
-        let asymmetry = [Effect::FrictionAsymmetry];
+        let asymmetry = [friction_asymmetry::EFFECT];
         assert_eq!(confidences([[20.0, 1.5], [1.0, 1.0], [1.0, 1.0]], &asymmetry), [1.0]);
         assert_eq!(confidences([[20.0, 3.0], [1.0, 1.0], [1.0, 1.0]], &asymmetry), [POLICY.confidence.left_open]);
         assert_eq!(confidences([[20.0, 1.5], [8.0, 3.0], [1.0, 1.0]], &asymmetry), [1.0], "another joint's");
         let contact = |share: f64, after: f64| {
-            let mut found = diagnosis([[20.0, after], [1.0, 1.0], [1.0, 1.0]], &[Effect::ExternalForce]);
+            let mut found = diagnosis([[20.0, after], [1.0, 1.0], [1.0, 1.0]], &[external_force::EFFECT]);
             found.causes[0].share = Some(share);
             found.doubt_what_is_left_open();
             found.causes[0].confidence
@@ -215,7 +206,7 @@ mod tests {
 
     #[test]
     fn an_effect_that_hardly_helps_is_withdrawn() {
-        let effects = [Effect::Counterbalance, Effect::StribeckFriction];
+        let effects = [counterbalance::EFFECT, stribeck_friction::EFFECT];
         let mut found = diagnosis([[10.7, 9.1], [8.0, 1.0], [1.0, 1.0]], &effects);
         assert_eq!(found.withdraw_what_hardly_helps(), [0]);
         assert_eq!((found.verdict, found.withdrawn.len()), (Verdict::Effect, 1));
@@ -226,7 +217,7 @@ mod tests {
 
     #[test]
     fn several_laws_that_leave_their_joint_open_beside_sound_ones_are_none() {
-        let laws = [Effect::FrictionAsymmetry, Effect::TorqueSaturation];
+        let laws = [friction_asymmetry::EFFECT, torque_saturation::EFFECT];
         let left = |in_motion| {
             let mut found = diagnosis(in_motion, &laws);
             found.causes[1].joints = vec!["a".to_owned()];
@@ -244,7 +235,7 @@ mod tests {
     #[test]
     fn an_effect_that_promises_nothing_and_spoils_its_joint_is_withdrawn() {
         let of = |predicted: f64, after: f64| {
-            let mut found = diagnosis([[2.5, 1.1], [19.0, 9.0], [1.0, 1.0]], &[Effect::StribeckFriction]);
+            let mut found = diagnosis([[2.5, 1.1], [19.0, 9.0], [1.0, 1.0]], &[stribeck_friction::EFFECT]);
             found.causes[0].shrink.predicted = predicted;
             found.per_joint[0].after = after;
             found.withdraw_what_hardly_helps().len()

@@ -6,7 +6,7 @@
 use nalgebra::DVector;
 use rivet_dynamics::Parameter;
 
-use crate::effects::form::Form;
+use crate::effects::payload::Payload;
 use crate::model::nominal::Nominal;
 use crate::policy::POLICY;
 use crate::select::adopted::{self, Adopted};
@@ -21,7 +21,7 @@ pub(crate) fn joints(
     impossible: &[usize],
     heard: &[usize],
 ) -> Option<Vec<usize>> {
-    let without_payload = adopted.iter().filter(|a| !matches!(a.form, Form::Payload));
+    let without_payload = adopted.iter().filter(|a| a.form.get::<Payload>().is_none());
     let values = adopted::standard(nominal, x, without_payload);
     let off = |at: usize| ((values[at] - nominal.x[at]) / nominal.std[at]).powi(2);
     let distance = |is: &dyn Fn(Parameter) -> bool| -> f64 {

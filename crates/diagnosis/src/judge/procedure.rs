@@ -2,7 +2,7 @@
 
 use rivet_dynamics::Parameter;
 
-use crate::effects::effect::Effect;
+use crate::effects::Effect;
 use crate::model::log_fault::LogFinding;
 use crate::model::nominal::Nominal;
 use crate::report::diagnosis::DataUse;
@@ -46,7 +46,7 @@ impl Step {
 
 /// Values of drives, of which few others take the place.
 pub(crate) fn is_drive(effect: Effect) -> bool {
-    matches!(effect, Effect::CoulombFriction | Effect::ViscousFriction | Effect::RotorInertia)
+    effect.about().is_drive
 }
 
 impl Procedure<'_> {

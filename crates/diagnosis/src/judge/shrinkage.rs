@@ -1,6 +1,6 @@
 //! Predicted and measured shrink of the gap, and whether the held-out run refutes the fit.
 
-use crate::effects::effect::Effect;
+use crate::effects::Effect;
 use crate::fit::prediction::Prediction;
 use crate::fit::stages::Stages;
 use crate::model::gap::Gap;
@@ -9,7 +9,7 @@ use crate::report::diagnosis::Shrink;
 
 /// Shrink by step `k`, which adds `effect`. `seen`: the runs looked at; `gaps`: the sealed one's.
 pub(crate) fn estimate(effect: Effect, k: usize, prediction: &Prediction, seen: &[Stages], gaps: &[Gap]) -> Shrink {
-    let (predicted, low, high) = if effect == Effect::TorqueSaturation {
+    let (predicted, low, high) = if effect.about().cuts_command {
         // As before, if the command is cut as often again.
         let before = on_runs(seen, k);
         (before, 0.0_f64.min(before), before.max(0.95))

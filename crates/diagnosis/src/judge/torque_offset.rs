@@ -2,7 +2,7 @@
 
 use rivet_dynamics::Parameter;
 
-use crate::effects::effect::Effect;
+use crate::effects::friction_asymmetry;
 use crate::model::nominal::Nominal;
 use crate::policy::POLICY;
 use crate::report::details::{ParameterLine, ParameterState};
@@ -39,7 +39,7 @@ pub(crate) fn causes(nominal: &Nominal, parameters: &[ParameterLine], joints: &[
             Cause {
                 magnitude: vec![("offset_Nm".to_owned(), more)],
                 impossible: Some(text),
-                ..Cause::unmeasured(Effect::FrictionAsymmetry, vec![joints[j].joint.clone()])
+                ..Cause::unmeasured(friction_asymmetry::EFFECT, vec![joints[j].joint.clone()])
             }
         })
     };

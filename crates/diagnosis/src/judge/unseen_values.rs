@@ -6,7 +6,7 @@
 
 use nalgebra::DVector;
 
-use crate::effects::effect::Effect;
+use crate::effects::Effect;
 use crate::fit::search::Search;
 use crate::judge::procedure::Procedure;
 use crate::policy::POLICY;

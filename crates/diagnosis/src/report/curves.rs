@@ -4,8 +4,9 @@ use std::f64::consts::TAU;
 
 use rivet_dynamics::Parameter;
 
-use crate::effects::effect::Effect;
-use crate::effects::form::Form;
+use crate::effects::Effect;
+use crate::effects::Form;
+use crate::effects::variable::Variable;
 use crate::fit::stages::Stages;
 use crate::model::nominal::Nominal;
 use crate::model::run::derivative;
@@ -18,96 +19,6 @@ const CURVE_POINTS: usize = 24;
 const EXCERPT_S: f64 = 6.0;
 const EXCERPT_STEP_S: f64 = 0.02;
 const EXCERPTS: usize = 2;
-
-/// The quantity in which an effect shows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Variable {
-    /// Speed of the joint.
-    Speed,
-    /// Sum of the speeds of two coupled joints.
-    SumOfSpeeds,
-    /// Way since the joint's last reversal; residuals count along the motion.
-    TravelSinceReversal,
-    /// Size of the torque that links and payload put on the gear; residuals count along the motion.
-    Load,
-    /// The same torque with its sign.
-    SignedLoad,
-    /// Torque that the whole model gives.
-    ModelTorque,
-    /// Its rate.
-    TorqueRate,
-    /// Measured torque.
-    MeasuredTorque,
-    /// Position of the joint.
-    Angle,
-    /// Place within one cycle of an order of the joint's angle.
-    Phase,
-    /// Acceleration of the joint.
-    Acceleration,
-    /// Temperature of the motor; residuals count along the motion.
-    Temperature,
-    /// Time since the run began.
-    Time,
-    /// The same; residuals count along the motion.
-    WarmingTime,
-}
-
-impl Variable {
-    /// Name and unit, for an axis.
-    pub fn label(self) -> (&'static str, &'static str) {
-        match self {
-            Variable::Speed => ("joint speed", "rad/s"),
-            Variable::SumOfSpeeds => ("sum of the two joints' speeds", "rad/s"),
-            Variable::TravelSinceReversal => ("way since the last reversal", "rad"),
-            Variable::Load => ("load on the gear, without sign", "N m"),
-            Variable::SignedLoad => ("load on the gear", "N m"),
-            Variable::ModelTorque => ("torque of the model", "N m"),
-            Variable::TorqueRate => ("rate of the model's torque", "N m/s"),
-            Variable::MeasuredTorque => ("measured torque", "N m"),
-            Variable::Angle => ("joint angle", "rad"),
-            Variable::Phase => ("place in one cycle", "rad"),
-            Variable::Acceleration => ("joint acceleration", "rad/s^2"),
-            Variable::Temperature => ("motor temperature", "degC"),
-            Variable::Time | Variable::WarmingTime => ("time", "s"),
-        }
-    }
-
-    /// Whether residuals are counted along the motion: positive where they brake.
-    pub fn along_motion(self) -> bool {
-        use Variable::{Load, Temperature, TravelSinceReversal, WarmingTime};
-        matches!(self, TravelSinceReversal | Load | Temperature | WarmingTime)
-    }
-
-    fn for_effect(effect: Effect, run: &Prepared) -> Variable {
-        match effect {
-            Effect::CoulombFriction
-            | Effect::ViscousFriction
-            | Effect::FrictionAsymmetry
-            | Effect::StribeckFriction
-            | Effect::ViscousNonlinearity => Variable::Speed,
-            Effect::JointCoupling => Variable::SumOfSpeeds,
-            Effect::PreslidingFriction => Variable::TravelSinceReversal,
-            Effect::LoadDependentFriction => Variable::Load,
-            Effect::Backlash => Variable::SignedLoad,
-            Effect::TorqueConstant => Variable::ModelTorque,
-            Effect::TransportDelay | Effect::CurrentLoopLag => Variable::TorqueRate,
-            Effect::TorqueSaturation => Variable::MeasuredTorque,
-            Effect::TorqueRipple | Effect::TransmissionError => Variable::Phase,
-            Effect::RotorInertia | Effect::JointElasticity | Effect::BaseFlexibility => Variable::Acceleration,
-            Effect::TemperatureDependentFriction if run.run.temperature.is_some() => Variable::Temperature,
-            Effect::TemperatureDependentFriction => Variable::WarmingTime,
-            Effect::ExternalForce => Variable::Time,
-            Effect::LinkInertia
-            | Effect::Payload
-            | Effect::GravityDirection
-            | Effect::PositionDependentFriction
-            | Effect::JointSpring
-            | Effect::Counterbalance
-            | Effect::EncoderOffset
-            | Effect::EncoderEccentricity => Variable::Angle,
-        }
-    }
-}
 
 /// Rows whose variable is about the same.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -212,7 +123,7 @@ pub(crate) fn curves(
         .into_iter()
         .map(|(j, size, _)| {
             let cause_torque = cause(j);
-            let variable = Variable::for_effect(shown.effect, run);
+            let variable = shown.effect.variable(run.run.temperature.is_some());
             let at = signal(variable, run, load, full, j, shown);
             let speed = run.chain.sample(&run.motion.qd[j]);
             let turned = |k: usize| if variable.along_motion() { speed[k].signum() } else { 1.0 };

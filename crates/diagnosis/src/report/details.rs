@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use rivet_dynamics::Parameter;
 
-use crate::effects::effect::Effect;
+use crate::effects::Effect;
 use crate::fit::prediction::Prediction;
 use crate::fit::search::Search;
 use crate::fit::stages::Stages;

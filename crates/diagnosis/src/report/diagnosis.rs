@@ -1,6 +1,6 @@
 //! The report of a diagnosis: verdict, causes with their shrink and confidence, and the gap by joint.
 
-use crate::effects::effect::Effect;
+use crate::effects::Effect;
 use crate::model::log_fault::LogFinding;
 use crate::policy::POLICY;
 use crate::report::curves::Curve;

@@ -6,7 +6,7 @@
 
 use nalgebra::DVector;
 
-use crate::effects::form::AXES;
+use crate::effects::columns::AXES;
 use crate::model::log_fault::LogFault;
 use crate::model::nominal::Nominal;
 use crate::model::rows::Column;

@@ -4,8 +4,11 @@ use std::ops::Range;
 
 use rivet_dynamics::{Parameter, Workspace, friction_sign, mass_matrix};
 
-use crate::effects::form::Form;
+use crate::effects::Form;
+use crate::effects::current_loop_lag::Lag;
 use crate::effects::known;
+use crate::effects::link_inertia::LinkScale;
+use crate::effects::payload::Payload;
 use crate::effects::physics::{Physics, SMEARED_S, bodies};
 use crate::model::log_fault::LogFault;
 use crate::model::nominal::{Nominal, standard_columns};
@@ -119,18 +122,18 @@ impl Prepared {
     /// What the form adds to this run's torque, filtered: `[column][joint]`.
     pub(crate) fn columns(&self, form: &Form, physics: &Physics<'_>) -> Vec<Column> {
         let n = self.tau.len();
-        match *form {
-            // A body is columns that the model has already.
-            Form::Payload => self.standard[10 * (n - 1)..10 * n].to_vec(),
-            Form::LinkScale { link } => vec![self.body(link, &physics.nominal.x)],
-            _ => self.made(form, physics),
+        // A body is columns that the model has already.
+        if form.get::<Payload>().is_some() {
+            return self.standard[10 * (n - 1)..10 * n].to_vec();
         }
+        form.get()
+            .map_or_else(|| self.made(form, physics), |LinkScale { link }| vec![self.body(*link, &physics.nominal.x)])
     }
 
     /// Columns beside the model's own that are nobody's fault: a small shift in time, and how softly friction turns over,
     /// a number that no data sheet has. Their sizes are unknown by [`unknown`].
     pub(crate) fn unnamed(&self, nominal: &Nominal, physics: &Physics) -> Vec<Column> {
-        let mut columns = self.columns(&Form::Lag { stands: false }, physics);
+        let mut columns = self.columns(&Lag { stands: false }.into(), physics);
         let v0 = nominal.model.structure.sign_velocity;
         let n = self.run.joints();
         for [narrow, wide] in turns(v0) {

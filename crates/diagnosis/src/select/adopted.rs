@@ -2,9 +2,9 @@
 
 use nalgebra::DVector;
 
-use crate::effects::effect::Effect;
-use crate::effects::form::Form;
-use crate::effects::known::Carried;
+use crate::effects::Effect;
+use crate::effects::Form;
+use crate::effects::carried::Carried;
 use crate::effects::physics::Physics;
 use crate::fit::search::{Candidate, Search, Standing};
 use crate::model::nominal::Nominal;
@@ -119,7 +119,7 @@ pub(crate) fn standard<'a>(
     adopted: impl IntoIterator<Item = &'a Adopted>,
 ) -> Vec<f64> {
     let mut standard: Vec<f64> = nominal.x.iter().zip(x.iter()).map(|(given, change)| given + change).collect();
-    for a in adopted.into_iter().filter(|a| is_value(&a.form)) {
+    for a in adopted.into_iter().filter(|a| a.form.changes_values()) {
         let c = a.coefficients(x);
         if let (Carried::Values(changes), _) = a.form.carried(&c, &a.values, nominal.model.arm.dof(), None) {
             for (at, change) in changes {
@@ -130,30 +130,22 @@ pub(crate) fn standard<'a>(
     standard
 }
 
-fn is_value(form: &Form) -> bool {
-    use Form::{Coulomb, LinkScale, Payload, RotorInertia, Viscous};
-    matches!(form, Payload | LinkScale { .. } | RotorInertia { .. } | Coulomb { .. } | Viscous { .. })
-}
-
 /// Whether as many effects as may be were adopted.
 pub(crate) fn is_full(adopted: &[Adopted]) -> bool {
-    let warming = adopted.iter().filter(|a| matches!(a.form, Form::Warming { .. })).count();
+    let warming = adopted.iter().filter(|a| a.form.is_slow()).count();
     adopted.len() - warming.saturating_sub(1) >= POLICY.adoption.max_effects
 }
 
 /// Whether a simulated gear, or a delay, is wanted at a part of its size only: then it imitates what another one leaves.
 pub(crate) fn is_part(form: &Form, standing: &Standing) -> bool {
-    let least = match form {
-        Form::TwoMass { .. } => 1.0 - POLICY.adoption.max_gain_error,
-        Form::Delay { .. } => POLICY.adoption.min_delay_coefficient,
-        _ => return false,
-    };
-    standing.added.c[0] < least
+    form.least_coefficient().is_some_and(|least| standing.added.c[0] < least)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::effects::presliding_friction::Presliding;
+    use crate::effects::transport_delay::Delay;
     use crate::fit::evidence::Added;
 
     fn standing(c: f64) -> Standing {
@@ -165,8 +157,8 @@ mod tests {
     /// Play that a gear's form leaves is a delay of half its size; bristles have a level that may be anything.
     #[test]
     fn a_delay_is_wanted_in_full() {
-        let delay = Form::Delay { seconds: 0.006 };
+        let delay = Delay { seconds: 0.006 }.into();
         assert!(is_part(&delay, &standing(0.56)) && !is_part(&delay, &standing(0.70)));
-        assert!(!is_part(&Form::Presliding { joint: 0, length: 0.005 }, &standing(0.56)));
+        assert!(!is_part(&Presliding { joint: 0, length: 0.005 }.into(), &standing(0.56)));
     }
 }

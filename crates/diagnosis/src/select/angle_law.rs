@@ -4,10 +4,7 @@
 //! (a lever whose two terms all but cancel, say) takes nearly all of another law, and what it leaves is small beside the gap but not
 //! beside noise. On measured arms, where other joints keep more than noise as well, that says nothing.
 
-use std::f64::consts::TAU;
-
-use crate::effects::effect::Effect;
-use crate::effects::form::Form;
+use crate::effects::counterbalance::Counterbalance;
 use crate::fit::search::{Candidate, Search};
 use crate::policy::POLICY;
 use crate::select::adopted::Adopted;
@@ -15,13 +12,14 @@ use crate::select::residual::Residue;
 
 /// Marks a counterbalance of a joint that carries no weight, and laws of the angle beside which another one of the same joint has as much evidence as a further effect needs.
 pub(crate) fn mark(search: &Search<'_>, candidates: &[Candidate], adopted: &mut [Adopted]) -> Option<()> {
-    for law in adopted.iter_mut().filter(|a| a.form.effect() == Effect::Counterbalance) {
+    for law in adopted.iter_mut().filter(|a| a.form.effect().about().balances_gravity) {
         law.another_law |= law.form.joints() == [0] && turns_about_gravity(search);
     }
     if Residue::from_search(search).any_noisy() || !adopted.iter().any(|a| a.form.of_angle_alone()) {
         return Some(());
     }
-    let over: Vec<&Candidate> = candidates.iter().filter(|c| bends_slowly(&c.form, search)).collect();
+    let over: Vec<&Candidate> =
+        candidates.iter().filter(|c| c.form.bends_slowly(&|joint| range(search, joint))).collect();
     let solved = search.scales();
     for law in adopted.iter_mut().filter(|a| a.form.of_angle_alone()) {
         let (effect, joints) = (law.form.effect(), law.form.joints());
@@ -34,7 +32,7 @@ pub(crate) fn mark(search: &Search<'_>, candidates: &[Candidate], adopted: &mut 
 
 /// Whether the two terms of a lever law all but cancel: torque of a spring that is hardly stretched, or one that merely bends as another law does.
 pub(crate) fn cancels(candidate: &Candidate, c: &[f64]) -> bool {
-    let Form::Counterbalance { joint, .. } = candidate.form else { return false };
+    let Some(&Counterbalance { joint, .. }) = candidate.form.get() else { return false };
     let (mut one, mut other, mut sum) = (0.0, 0.0, 0.0);
     for columns in &candidate.columns {
         let [Some(a), Some(b)] = [0, 1].map(|k| columns.get(k).and_then(|column| column[joint].as_ref())) else {
@@ -58,15 +56,6 @@ fn turns_about_gravity(search: &Search<'_>) -> bool {
         first.rotation.iter().map(|row| row.iter().zip(&first.axis).map(|(r, a)| r * a).sum()).collect();
     let along: f64 = axis.iter().zip(&arm.gravity).map(|(a, g)| a * g).sum();
     along.abs() > POLICY.plausibility.min_gravity_cosine * arm.gravity.iter().map(|g| g * g).sum::<f64>().sqrt()
-}
-
-/// Whether a form follows the angle alone, and no faster than a few times over the joint's range.
-fn bends_slowly(form: &Form, search: &Search<'_>) -> bool {
-    match *form {
-        Form::Ripple { joint, order } => order * range(search, joint) <= POLICY.plausibility.max_law_cycles * TAU,
-        Form::AngleLaw { .. } | Form::Pull { .. } | Form::Softening { .. } => true,
-        _ => form.of_angle_alone(),
-    }
 }
 
 /// Largest angle that a joint goes over in a run \[rad\].

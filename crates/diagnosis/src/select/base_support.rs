@@ -1,6 +1,6 @@
 //! Whether the runs support a mode of the base.
 
-use crate::effects::form::Form;
+use crate::effects::base_flexibility::Base;
 use crate::effects::physics::Physics;
 use crate::effects::physics::base_mode::{LOWEST_MODE_HZ, MODE_DAMPING_RANGE, Mode};
 use crate::fit::search::Search;
@@ -17,7 +17,7 @@ pub(crate) fn is_felt(shares: &[f64]) -> bool {
 pub(crate) fn is_frequency_identified(search: &Search<'_>, mode: &Mode, gain: f64, physics: &[Physics<'_>]) -> bool {
     let solved = search.scales();
     let behind = |hz: f64| {
-        let elsewhere = search.candidate(Form::Base { mode: Mode { hz, ..*mode } }, physics);
+        let elsewhere = search.candidate(Base { mode: Mode { hz, ..*mode } }.into(), physics);
         let standing = elsewhere.and_then(|candidate| search.standing(0, &candidate, &solved));
         standing.is_none_or(|standing| standing.gain < gain - POLICY.adoption.min_base_frequency_gain)
     };

@@ -7,8 +7,8 @@
 
 use nalgebra::DVector;
 
-use crate::effects::effect::Effect;
-use crate::effects::form::Form;
+use crate::effects::Effect;
+use crate::effects::Form;
 use crate::effects::physics::Physics;
 use crate::fit::evidence::{CandidateSums, Solved};
 use crate::fit::search::{Candidate, Search};
@@ -51,10 +51,7 @@ pub(crate) fn replace(
         return Some(None);
     }
     let found = find(search, wrong, selected)?;
-    let least = |i: &Instead| match i.candidate.form {
-        Form::OneSided { .. } => POLICY.adoption.min_one_sided_gain,
-        _ => POLICY.adoption.min_replacement_gain,
-    };
+    let least = |i: &Instead| i.candidate.form.least_replacement_gain();
     let name = |group: &Group| format!("{} {}", group.effect, group.joint + 1);
     for i in &found {
         let values: Vec<String> = i.replaces.iter().map(|at| name(&wrong.groups[*at])).collect();
@@ -212,43 +209,38 @@ fn cosine(free: &Solved, held: &Solved, sums: &CandidateSums, c: &DVector<f64>) 
 /// Whether a form may take the place of values: it is none itself, was not adopted, and is exact. What a simulated gear
 /// misses is large beside noise.
 fn is_rival(form: &Form, adopted: &[Adopted]) -> bool {
-    let value = matches!(
-        form.effect(),
-        Effect::LinkInertia | Effect::RotorInertia | Effect::CoulombFriction | Effect::ViscousFriction
-    );
+    let about = form.effect().about();
+    let value = about.is_drive || about.is_link_body;
     let taken = adopted.iter().any(|a| a.form.effect() == form.effect() && a.form.joints() == form.joints());
     // Values hold throughout; what comes and goes over minutes is left by them.
-    let slow = matches!(form, Form::Warming { .. });
-    !value && !taken && !slow && !form.is_simulated() && !form.is_nameless() && form.coefficients() > 0
+    !value && !taken && !form.is_slow() && !form.is_simulated() && !form.is_nameless() && form.coefficients() > 0
 }
 
 /// Whether a form makes sense in a value's place, and is not itself that value: friction over the angle has a level beside its wave. (A wave of 7
 /// mN m about a level that was off by 0.56 N m was ahead by 14, since a level alone has a prior as narrow as files are sure.)
 fn stands(form: &Form, c: &[f64]) -> bool {
-    let level = matches!(form, Form::PositionFriction { .. }) && c[0].hypot(c[1]) < c[2].abs();
-    !level && form.plausible(c)
+    !form.wave_is_below(c, 1.0) && form.plausible(c)
 }
 
 /// Whether a form and a group have to do with each other: a joint feels its own drive and the links behind it.
 fn touches(form: &Form, group: &Group) -> bool {
     let joints = form.joints();
-    let near = |j: &usize| match group.effect {
-        Effect::LinkInertia => *j <= group.joint,
-        _ => *j == group.joint,
-    };
+    let near = |j: &usize| if group.effect.about().is_link_body { *j <= group.joint } else { *j == group.joint };
     form.effect() != group.effect && (joints.is_empty() || joints.iter().any(near))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::effects::load_dependent_friction::Load;
+    use crate::effects::position_dependent_friction::PositionFriction;
 
     /// A wave of a hundredth of the level that comes with it is the level; one that is the larger part is friction over the angle.
     #[test]
     fn friction_over_the_angle_is_its_wave() {
-        let form = Form::PositionFriction { joint: 5, order: 132.2 };
+        let form = PositionFriction { joint: 5, order: 132.2 }.into();
         assert!(!stands(&form, &[-0.0056, -0.0044, 0.5623]));
         assert!(stands(&form, &[3.0, 1.0, -2.0]));
-        assert!(stands(&Form::Load { joint: 1 }, &[0.1]), "one number has nothing beside it");
+        assert!(stands(&Load { joint: 1 }.into(), &[0.1]), "one number has nothing beside it");
     }
 }

@@ -7,8 +7,10 @@ use std::cell::OnceCell;
 
 use nalgebra::DVector;
 
-use crate::effects::form::{Form, HOLD_DELAY_SAMPLES};
+use crate::effects::Form;
+use crate::effects::current_loop_lag::Lag;
 use crate::effects::physics::Physics;
+use crate::effects::transport_delay::Delay;
 use crate::fit::evidence::Belief;
 use crate::fit::search::{Candidate, Search, Standing};
 use crate::policy::POLICY;
@@ -44,26 +46,31 @@ impl Clock {
 impl Behind {
     /// Whether what is there is the other of the two for sure.
     fn rules_out(&self, form: &Form) -> bool {
-        match form {
-            Form::Delay { .. } => self.ahead < -POLICY.adoption.rival_gap,
-            _ => self.ahead > POLICY.adoption.rival_gap,
-        }
+        if is_delay(form) { self.ahead < -POLICY.adoption.rival_gap } else { self.ahead > POLICY.adoption.rival_gap }
     }
 
     fn size(&self, form: &Form) -> Size {
-        let seconds = if let Form::Delay { .. } = form { self.delay } else { self.lag };
+        let seconds = if is_delay(form) { self.delay } else { self.lag };
         Size { seconds, std: POLICY.timing.max_size_error * seconds }
     }
 }
 
+/// Which of the two it is.
+fn is_delay(form: &Form) -> bool {
+    form.get::<Delay>().is_some()
+}
+
 /// The other of the two, of a size that is still to be found.
 fn other(form: &Form) -> Form {
-    if let Form::Delay { .. } = form { Form::Lag { stands: true } } else { Form::Delay { seconds: 0.0 } }
+    if is_delay(form) { Lag { stands: true }.into() } else { Delay { seconds: 0.0 }.into() }
 }
 
 /// Time by which a command that stands for its sample is late beside a lag \[s\]; a delay has it in its own.
 fn hold_delay_s(form: &Form, physics: &[Physics<'_>]) -> Option<f64> {
-    Some(if let Form::Lag { stands: true } = form { HOLD_DELAY_SAMPLES * physics.first()?.period_s() } else { 0.0 })
+    Some(match form.get() {
+        Some(lag @ Lag { stands: true }) => lag.hold_delay_samples() * physics.first()?.period_s(),
+        _ => 0.0,
+    })
 }
 
 impl<'a> Search<'a> {
@@ -105,9 +112,9 @@ impl<'a> Search<'a> {
             (Some(pooled), None) => {
                 let (candidate, standing) = self.refine(form, physics)?;
                 let c = standing.added.c[0];
-                let seconds = match candidate.form {
-                    Form::Delay { seconds } => seconds * c,
-                    _ => c + hold_delay_s(form, physics)?,
+                let seconds = match candidate.form.get() {
+                    Some(Delay { seconds }) => seconds * c,
+                    None => c + hold_delay_s(form, physics)?,
                 };
                 // A part of a longer delay is a lag's curve, and no size.
                 if !pooled.is_against(seconds, Residue::from_search(self).any_noisy())
@@ -122,14 +129,11 @@ impl<'a> Search<'a> {
 
     /// A candidate that has the arm so far behind its torque.
     fn of_size(&self, form: &Form, size: Size, physics: &[Physics<'_>]) -> Option<(Candidate, Standing)> {
-        let sized = match form {
-            Form::Delay { .. } => Form::Delay { seconds: size.seconds },
-            other => other.clone(),
-        };
+        let sized = if is_delay(form) { Delay { seconds: size.seconds }.into() } else { form.clone() };
         let mut candidate = self.candidate(sized, physics)?;
-        let (mean, unit) = match candidate.form {
-            Form::Delay { seconds } => (1.0, seconds),
-            _ => (size.seconds - hold_delay_s(form, physics)?, 1.0),
+        let (mean, unit) = match candidate.form.get() {
+            Some(&Delay { seconds }) => (1.0, seconds),
+            None => (size.seconds - hold_delay_s(form, physics)?, 1.0),
         };
         candidate.belief = Belief { mean: DVector::repeat(1, mean), std: DVector::repeat(1, size.std / unit) };
         let standing = self.standing(0, &candidate, &self.scales())?;
@@ -143,10 +147,8 @@ impl<'a> Search<'a> {
         clock: &Clock,
         physics: &[Physics<'_>],
     ) -> Other {
-        let other = match other(&one.form) {
-            Form::Delay { .. } => Form::Delay { seconds: its.added.c[0] },
-            lag => lag,
-        };
+        let other = other(&one.form);
+        let other = if is_delay(&other) { Delay { seconds: its.added.c[0] }.into() } else { other };
         let (other, standing) = match &clock.estimates(self).1 {
             Some(behind) if behind.rules_out(&other) => return None,
             // Rows in motion that have no size tell nothing of the kind: the two stay one class.

@@ -8,7 +8,7 @@
 
 use rivet_dynamics::Model;
 
-use crate::effects::effect::Effect;
+use crate::effects::Effect;
 use crate::effects::physics::Physics;
 use crate::fit::initial_friction;
 use crate::fit::search::{Candidate, Search};

@@ -9,7 +9,7 @@
 use nalgebra::DVector;
 use rivet_dynamics::Parameter;
 
-use crate::effects::form::Form;
+use crate::effects::payload::Payload;
 use crate::effects::physical_bounds::{self, Impossible};
 use crate::fit::evidence::{Belief, FOLDS, Solved};
 use crate::fit::search::{Candidate, Search};
@@ -30,7 +30,7 @@ pub(crate) fn at_flange(
     if !Residue::from_search(search).any_noisy() {
         return Some(None);
     }
-    let Some(mut candidate) = search.candidate(Form::Payload, &selected.physics) else { return Some(None) };
+    let Some(mut candidate) = search.candidate(Payload.into(), &selected.physics) else { return Some(None) };
     let Some(belief) = one_body(search, &candidate) else { return Some(None) };
     candidate.belief = belief;
     let free = search.solved(search.scale)?;
@@ -72,7 +72,7 @@ pub(crate) fn at_flange(
 /// Whether one body at the flange leaves no joint more than `most` times what values of all links leave (root mean squares), and has the evidence:
 /// then the two are not told apart, as where the arm has no link that a load would not be part of.
 pub(crate) fn instead_of_links(search: &mut Search<'_>, selected: &Selected<'_>, most: f64) -> Option<bool> {
-    let Some(mut candidate) = search.candidate(Form::Payload, &selected.physics) else { return Some(false) };
+    let Some(mut candidate) = search.candidate(Payload.into(), &selected.physics) else { return Some(false) };
     let Some(belief) = one_body(search, &candidate) else { return Some(false) };
     candidate.belief = belief;
     let free = search.solved(search.scale)?;

@@ -1,8 +1,10 @@
 //! Forward selection of effects on the training runs.
 
-use crate::effects::effect::{Effect, Kind};
-use crate::effects::form::Form;
+use crate::effects::Form;
+use crate::effects::base_flexibility::Base;
+use crate::effects::encoder_eccentricity::{Eccentricity, PositionScale};
 use crate::effects::physics::Physics;
+use crate::effects::{Effect, Kind};
 use crate::fit::evidence::{FOLDS, PRIOR_SCALES};
 use crate::fit::search::{Candidate, Search, Standing};
 use crate::policy::POLICY;
@@ -107,7 +109,7 @@ struct Accepted {
 impl Accepted {
     /// The joint of a constant torque; none for another form.
     fn constant_on(&self) -> Option<Vec<usize>> {
-        matches!(self.candidate.form, Form::Constant { .. }).then(|| self.candidate.form.joints())
+        self.candidate.form.is_torque_zero().then(|| self.candidate.form.joints())
     }
 }
 
@@ -166,7 +168,7 @@ impl Round<'_> {
             let form = &candidates[standing.at].form;
             // Half of it is a constant, or it bends as it likes: where other joints keep more than noise, as on measured arms,
             // this one does too, and that may look so.
-            let bends = form.is_nameless() || matches!(form, Form::OneSided { .. });
+            let bends = form.is_nameless() || form.is_half_constant();
             if bends && noisy_beside(form) {
                 continue;
             }
@@ -227,13 +229,10 @@ impl Round<'_> {
 
     /// Whether a form is a base that gives way about another axis than those adopted: it may about two.
     fn is_another_mode(&self, form: &Form) -> bool {
-        match form {
-            Form::Base { mode } => self.adopted.iter().all(|a| match &a.form {
-                Form::Base { mode: before } => mode.is_other(before),
-                _ => true,
-            }),
-            _ => false,
-        }
+        form.get::<Base>().is_some_and(|base| {
+            let others = self.adopted.iter().filter_map(|a| a.form.get::<Base>());
+            others.into_iter().all(|before| base.mode.is_other(&before.mode))
+        })
     }
 
     /// Those of the listed that are worth a name.
@@ -261,21 +260,18 @@ impl Round<'_> {
             let outdone =
                 values.iter().any(|(on, gain)| *on == joints && *gain > standing.gain + POLICY.adoption.rival_gap);
             // Every fold would have to know a force that only its own blocks felt.
-            let material = matches!(candidate.form, Form::Force { .. })
+            let material = candidate.form.has_stretches()
                 || hides && !outdone
                 || is_material(search, (&candidate.form, standing.gain), &shares, adopted);
-            let cut = !matches!(candidate.form, Form::Saturation { .. })
-                || shares.iter().any(|share| *share >= POLICY.adoption.min_saturation_share);
-            let shown = match &candidate.form {
-                Form::Base { mode } => {
-                    base_support::is_felt(&shares)
-                        && base_support::is_frequency_identified(search, mode, standing.gain, physics)
-                }
-                _ => true,
-            };
+            let cuts_command = candidate.form.effect().about().cuts_command;
+            let cut = !cuts_command || shares.iter().any(|share| *share >= POLICY.adoption.min_saturation_share);
+            let shown = candidate.form.get::<Base>().is_none_or(|base| {
+                base_support::is_felt(&shares)
+                    && base_support::is_frequency_identified(search, &base.mode, standing.gain, physics)
+            });
             let plausible = self.is_plausible(&candidate, &standing) && cut && shown;
             // What the values imitate is told by what is believed of them, a torque that is cut by its command.
-            let by_residual = !candidate.form.hides() && !matches!(candidate.form, Form::Saturation { .. });
+            let by_residual = !candidate.form.hides() && !cuts_command;
             let by_chance = by_residual && p_value.is_some_and(|p| p > POLICY.adoption.max_false_alarm_rate);
             if !material && plausible && !by_chance && candidate.form.effect().kind() == Kind::Value {
                 values.push((joints, standing.gain));
@@ -350,9 +346,9 @@ impl Round<'_> {
         let Round { search, physics, .. } = *self;
         let mut rivals = Vec::new();
         // Over a part of a turn a scale of the position looks like an encoder that is mounted badly, and neither is told then.
-        let scale = |i: &usize| matches!(accepted[*i].candidate.form, Form::PositionScale { .. });
+        let scale = |i: &usize| accepted[*i].candidate.form.get::<PositionScale>().is_some();
         let form = &accepted[simplest].candidate.form;
-        let another_law = matches!(form, Form::Eccentricity { .. }) && near.iter().any(scale)
+        let another_law = form.get::<Eccentricity>().is_some() && near.iter().any(scale)
             || doubtful.contains(form)
             || angle_law::cancels(&accepted[simplest].candidate, accepted[simplest].standing.added.c.as_slice());
         if near.len() > 1 {
@@ -390,13 +386,13 @@ impl Round<'_> {
 
 /// Whether an encoder is off as none is. Over a whole turn it may be all the same; over a part of one it is a scale of the position, or a zero.
 fn is_mounted_too_badly(search: &Search<'_>, form: &Form, c: &[f64]) -> bool {
-    matches!(*form, Form::Eccentricity { joint }
+    matches!(form.get(), Some(&Eccentricity { joint })
         if c[0].hypot(c[1]) > POLICY.adoption.max_eccentricity_rad && angle_law::range(search, joint) < std::f64::consts::PI)
 }
 
 /// Whether friction over the angle is but its level: what slow motion says of a wrong Coulomb friction, with a wave of any order beside it.
 fn is_level(form: &Form, c: &[f64]) -> bool {
-    matches!(form, Form::PositionFriction { .. }) && c[0].hypot(c[1]) < POLICY.adoption.min_friction_wave * c[2].abs()
+    form.wave_is_below(c, POLICY.adoption.min_friction_wave)
 }
 
 /// Whether two forms repeat with the same order of the angle.
@@ -469,12 +465,14 @@ fn contest(search: &Search<'_>, forms: &[&Candidate], say: &mut dyn FnMut(&str))
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::effects::position_dependent_friction::PositionFriction;
+    use crate::effects::torque_ripple::Ripple;
 
     /// Of a sound arm's slow log: 0.28 N m at 165 cycles a turn about a level that was 2.2 N m off.
     #[test]
     fn friction_over_the_angle_is_a_wave() {
-        let form = Form::PositionFriction { joint: 1, order: 164.5 };
+        let form = PositionFriction { joint: 1, order: 164.5 }.into();
         assert!(is_level(&form, &[0.2686, 0.0848, 2.2093]) && !is_level(&form, &[3.0, 1.0, -2.0]));
-        assert!(!is_level(&Form::Ripple { joint: 1, order: 8.0 }, &[0.1, 0.0]));
+        assert!(!is_level(&Ripple { joint: 1, order: 8.0 }.into(), &[0.1, 0.0]));
     }
 }

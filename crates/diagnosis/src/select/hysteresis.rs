@@ -10,8 +10,8 @@
 //! so what tells them apart is the share of the spring in both. (Not from the bristles' own form: there the level is that of the file, or
 //! what a fit without the effect made of it, and the factor is believed to be near 1.)
 
-use crate::effects::form::Form;
 use crate::effects::physics::Physics;
+use crate::effects::presliding_friction::{Hysteresis, Presliding};
 use crate::fit::search::{Candidate, Search, Standing};
 use crate::policy::POLICY;
 
@@ -34,30 +34,26 @@ pub(crate) fn kind(
     (candidate, standing): (&Candidate, &Standing),
     say: &mut dyn FnMut(&str),
 ) -> Option<Kind> {
-    match candidate.form {
-        Form::Presliding { joint, length } => {
-            // Where that with both levels does not hold, bristles' form is what there is.
-            let solved = search.scales();
-            let Some((free, its)) = search.refine_over(&Form::Hysteresis { joint, length }, physics, &solved) else {
-                return Some(Kind::AsNamed);
-            };
-            let share = share(search, physics, joint, &its)?;
-            say(&format!("  {:?} is {share:.3} of the joint's friction", free.form));
-            let Form::Hysteresis { length, .. } = free.form else { return Some(Kind::AsNamed) };
-            if share < POLICY.adoption.min_own_friction_share {
-                return Some(if is_own(share, length) { Kind::Own } else { Kind::Beside(Box::new((free, its))) });
-            }
-            let presliding = search.candidate(Form::Presliding { joint, length }, physics);
-            let made = presliding
-                .and_then(|presliding| Some((search.standing(standing.at, &presliding, &solved)?, presliding)));
-            Some(made.map_or(Kind::AsNamed, |(its, presliding)| Kind::Of(Box::new((presliding, its)))))
-        }
-        Form::Hysteresis { joint, length } => {
-            let share = share(search, physics, joint, standing)?;
-            Some(if is_own(share, length) { Kind::Own } else { Kind::AsNamed })
-        }
-        _ => Some(Kind::AsNamed),
+    if let Some(&Hysteresis { joint, length }) = candidate.form.get() {
+        let share = share(search, physics, joint, standing)?;
+        return Some(if is_own(share, length) { Kind::Own } else { Kind::AsNamed });
     }
+    let Some(&Presliding { joint, length }) = candidate.form.get() else { return Some(Kind::AsNamed) };
+    // Where that with both levels does not hold, bristles' form is what there is.
+    let solved = search.scales();
+    let Some((free, its)) = search.refine_over(&Hysteresis { joint, length }.into(), physics, &solved) else {
+        return Some(Kind::AsNamed);
+    };
+    let share = share(search, physics, joint, &its)?;
+    say(&format!("  {:?} is {share:.3} of the joint's friction", free.form));
+    let Some(&Hysteresis { length, .. }) = free.form.get() else { return Some(Kind::AsNamed) };
+    if share < POLICY.adoption.min_own_friction_share {
+        return Some(if is_own(share, length) { Kind::Own } else { Kind::Beside(Box::new((free, its))) });
+    }
+    let presliding = search.candidate(Presliding { joint, length }.into(), physics);
+    let made =
+        presliding.and_then(|presliding| Some((search.standing(standing.at, &presliding, &solved)?, presliding)));
+    Some(made.map_or(Kind::AsNamed, |(its, presliding)| Kind::Of(Box::new((presliding, its)))))
 }
 
 /// Whether that share of friction, which turns over within `length` \[rad\], is the joint's own.
@@ -66,7 +62,7 @@ fn is_own(share: f64, length: f64) -> bool {
         || share >= POLICY.adoption.min_own_friction_share && length < POLICY.plausibility.max_bristle_travel_rad
 }
 
-/// H/(F + H), as [`Form::Hysteresis`] stands.
+/// H/(F + H), as [`Hysteresis`] stands.
 fn share(search: &Search<'_>, physics: &[Physics<'_>], joint: usize, standing: &Standing) -> Option<f64> {
     let at = physics.first()?.coulomb(joint);
     let c = &standing.added.c;

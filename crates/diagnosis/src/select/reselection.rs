@@ -5,8 +5,8 @@
 //! come down to what holds, such rows count for little, and the other one is asked again. It is put in the first one's place for that:
 //! what a wrong law leaves is noise as well.
 
-use crate::effects::effect::Kind;
-use crate::effects::form::Form;
+use crate::effects::Form;
+use crate::effects::Kind;
 use crate::fit::search::{Candidate, Search};
 use crate::policy::POLICY;
 use crate::select::adopted::Adopted;

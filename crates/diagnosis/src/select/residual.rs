@@ -1,7 +1,7 @@
 //! The residual of each joint against its noise, and whether an effect upholds its name with it.
 
-use crate::effects::effect::Kind;
-use crate::effects::form::Form;
+use crate::effects::Kind;
+use crate::effects::base_flexibility::Base;
 use crate::fit::search::Search;
 use crate::policy::POLICY;
 use crate::select::adopted::Adopted;
@@ -75,18 +75,22 @@ impl<'a> Residue<'a> {
             (false, false) if form.hides() => 0.0,
             (false, false) => POLICY.adoption.min_explained_share,
         };
-        match form {
+        if form.get::<Base>().is_some() {
             // It belongs to no joint, and is believed where it took something.
-            Form::Base { .. } => (0..adopted.shares.len())
-                .all(|j| adopted.shares[j] < POLICY.adoption.min_base_share || self.explained(j) >= least(j)),
-            _ => form.joints().iter().all(|j| self.explained(*j) >= least(*j)),
+            return (0..adopted.shares.len())
+                .all(|j| adopted.shares[j] < POLICY.adoption.min_base_share || self.explained(j) >= least(j));
         }
+        form.joints().iter().all(|j| self.explained(*j) >= least(*j))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::effects::angle_law::Pull;
+    use crate::effects::coulomb_friction::Coulomb;
+    use crate::effects::counterbalance::Counterbalance;
+    use crate::effects::load_dependent_friction::Load;
 
     /// Four joints; the third keeps ten times its noise of a hundred: 99 % of its excess is explained.
     #[test]
@@ -94,19 +98,19 @@ mod tests {
         let (first, floor) = ([1.0, 1.0, 100.0, 1.0], [1.0; 4]);
         let residue = Residue { first: &first, left: &[1.0, 1.0, 10.0, 1.0], floor: &floor };
         assert!((0..4).map(|j| residue.is_nameless(j)).eq([false, false, true, false]));
-        assert!(residue.upholds(&Adopted::alone(Form::Load { joint: 2 })));
-        assert!(residue.upholds(&Adopted::alone(Form::Coulomb { joint: 2 })));
-        assert!(!residue.upholds(&Adopted::alone(Form::Pull { joint: 1, from: 0.2, above: true })));
-        assert!(!residue.upholds(&Adopted::alone(Form::Counterbalance { joint: 2, arm: 0.5, phase: 0.0 })));
-        assert!(residue.upholds(&Adopted::alone(Form::Counterbalance { joint: 1, arm: 0.5, phase: 0.0 })));
+        assert!(residue.upholds(&Adopted::alone(Load { joint: 2 }.into())));
+        assert!(residue.upholds(&Adopted::alone(Coulomb { joint: 2 }.into())));
+        assert!(!residue.upholds(&Adopted::alone(Pull { joint: 1, from: 0.2, above: true }.into())));
+        assert!(!residue.upholds(&Adopted::alone(Counterbalance { joint: 2, arm: 0.5, phase: 0.0 }.into())));
+        assert!(residue.upholds(&Adopted::alone(Counterbalance { joint: 1, arm: 0.5, phase: 0.0 }.into())));
         // Three quarters are not enough here, and neither is a wrong value that took that much.
         let residue = Residue { left: &[1.0, 1.0, 50.0, 1.0], ..residue };
-        assert!(!residue.upholds(&Adopted::alone(Form::Load { joint: 2 })));
-        assert!(!residue.upholds(&Adopted::alone(Form::Coulomb { joint: 2 })));
+        assert!(!residue.upholds(&Adopted::alone(Load { joint: 2 }.into())));
+        assert!(!residue.upholds(&Adopted::alone(Coulomb { joint: 2 }.into())));
         // On an arm that reaches its floor nowhere they are.
         let residue = Residue { first: &[9.0, 9.0, 100.0, 9.0], left: &[9.0, 9.0, 50.0, 9.0], ..residue };
         assert!(residue.any_noisy() && !(0..4).any(|j| residue.is_nameless(j)));
-        assert!(residue.upholds(&Adopted::alone(Form::Load { joint: 2 })));
-        assert!(residue.upholds(&Adopted::alone(Form::Coulomb { joint: 2 })));
+        assert!(residue.upholds(&Adopted::alone(Load { joint: 2 }.into())));
+        assert!(residue.upholds(&Adopted::alone(Coulomb { joint: 2 }.into())));
     }
 }

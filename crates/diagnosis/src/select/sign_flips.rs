@@ -20,7 +20,6 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use crate::effects::form::Form;
 use crate::fit::design::Block;
 use crate::fit::evidence::Solved;
 use crate::fit::search::{Candidate, Scores, Search, Standing};
@@ -86,7 +85,7 @@ impl Flips {
     /// Scores of a candidate of these columns; none of contact, whose stretches lie in few blocks, and none of a command beyond its limit:
     /// that column is the measured torque with its noise, which is the residual's, so whatever signs are drawn it shows a lot.
     pub(crate) fn scores(&self, search: &Search<'_>, candidate: &Candidate, columns: &[Vec<Column>]) -> Option<Scores> {
-        if !candidate.local.is_empty() || matches!(candidate.form, Form::Saturation { .. }) {
+        if !candidate.local.is_empty() || candidate.form.effect().about().cuts_command {
             return None;
         }
         let sums = self.solved.sums(&candidate.cells, &search.weights, |_| true)?;

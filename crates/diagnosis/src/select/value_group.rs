@@ -1,9 +1,7 @@
 //! Groups of values of the model that are free or held together.
 
-use rivet_dynamics::Parameter;
-
-use crate::effects::effect::Effect;
-use crate::effects::form::Form;
+use crate::effects::Effect;
+use crate::effects::Form;
 use crate::effects::physical_bounds::{Impossible, of_value};
 use crate::model::nominal::Nominal;
 use crate::select::adopted::Adopted;
@@ -19,29 +17,15 @@ pub(crate) struct Group {
 impl Group {
     /// The form that has the same torque, as far as one has.
     pub(crate) fn form(&self) -> Option<Form> {
-        let joint = self.joint;
-        match self.effect {
-            Effect::LinkInertia => Some(Form::LinkScale { link: joint }),
-            Effect::RotorInertia => Some(Form::RotorInertia { joint }),
-            Effect::CoulombFriction => Some(Form::Coulomb { joint }),
-            Effect::ViscousFriction => Some(Form::Viscous { joint }),
-            Effect::LoadDependentFriction => Some(Form::Load { joint }),
-            Effect::ViscousNonlinearity => Some(Form::ViscousNonlinearity { joint }),
-            _ => None,
-        }
+        self.effect.value_form(self.joint)
     }
 }
 
 /// The value of a group that no arm has, if one is. Values of which an adopted effect has a column of its own are judged by nobody:
 /// only their sum with it means anything.
 pub(crate) fn of_group(group: &Group, nominal: &Nominal, standard: &[f64], adopted: &[Adopted]) -> Option<Impossible> {
-    let shared = |a: &Adopted| match (&a.form, nominal.model.parameters[group.columns[0]]) {
-        (Form::PositionFriction { joint, .. }, Parameter::Coulomb(j))
-        | (Form::ViscousNonlinearity { joint }, Parameter::Viscous(j)) => *joint == j,
-        (Form::Coupling { driving, driven, .. }, Parameter::RotorInertia(j)) => [*driving, *driven].contains(&j),
-        (Form::Payload, Parameter::Link { link, .. }) => link + 1 == nominal.model.arm.dof(),
-        _ => false,
-    };
+    let (parameter, joints) = (nominal.model.parameters[group.columns[0]], nominal.model.arm.dof());
+    let shared = |a: &Adopted| a.form.shares(parameter, joints);
     let judged = !adopted.iter().any(shared);
     group.columns.iter().filter(|_| judged).find_map(|c| of_value(*c, nominal, standard))
 }
@@ -51,7 +35,9 @@ mod tests {
     use rivet_dynamics::{Arm, Model, Structure};
 
     use super::*;
-    use crate::effects::physical_bounds::{of_form, of_payload, text};
+    use crate::effects::physical_bounds::{of_payload, text};
+    use crate::effects::stribeck_friction::Stribeck;
+    use crate::effects::{link_inertia, rotor_inertia};
 
     #[test]
     fn what_no_arm_has_is_told_from_next_to_nothing() {
@@ -62,8 +48,8 @@ mod tests {
         let mut x = model.arm.links.concat();
         x.extend(vec![2.0; model.len() - x.len()]);
         let nominal = Nominal::exact(&model, &x);
-        let rotor = Group { effect: Effect::RotorInertia, joint: 1, columns: vec![10 * n + 1] };
-        let link = Group { effect: Effect::LinkInertia, joint: 2, columns: (20..30).collect() };
+        let rotor = Group { effect: rotor_inertia::EFFECT, joint: 1, columns: vec![10 * n + 1] };
+        let link = Group { effect: link_inertia::EFFECT, joint: 2, columns: (20..30).collect() };
         let with = |group: &Group, at: usize, value: f64| {
             let mut standard = x.clone();
             standard[at] = value;
@@ -78,9 +64,9 @@ mod tests {
         );
         assert_eq!(with(&link, 20, -0.2).map(|what| what.name), Some("l3.m".to_owned()));
         assert_eq!(with(&link, 21, -0.2), None, "a centre may be anywhere");
-        let stribeck = Form::Stribeck { joint: 0, velocity: 0.1 };
-        assert_eq!(of_form(&stribeck, &[1.0], &nominal, &x), None);
-        assert!(of_form(&stribeck, &[-1.0], &nominal, &x).is_some_and(|what| what.value == -1.0));
+        let stribeck = Form::from(Stribeck { joint: 0, velocity: 0.1 });
+        assert_eq!(stribeck.impossible(&[1.0], &nominal, &x), None);
+        assert!(stribeck.impossible(&[-1.0], &nominal, &x).is_some_and(|what| what.value == -1.0));
         // A third of a kilogram a hand's breadth off the flange, then further off than the arm is long.
         let body = |x: f64| [0.3, 0.3 * x, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
         assert_eq!(of_payload(&body(0.1), &nominal.model.arm), None);

@@ -1,9 +1,8 @@
 //! Wrong values of the model: the groups that the evidence wants free.
 
 use nalgebra::DVector;
-use rivet_dynamics::Parameter;
 
-use crate::effects::effect::Effect;
+use crate::effects::Effect;
 use crate::effects::physical_bounds::Impossible;
 use crate::fit::evidence::Solved;
 use crate::fit::search::Search;
@@ -18,20 +17,7 @@ fn groups(search: &Search<'_>) -> Vec<Group> {
     let mut groups: Vec<Group> = Vec::new();
     let of_coupling = search.nominal.model.structure.coupling.map_or(0, |coupling| coupling.driven);
     for (at, parameter) in search.nominal.model.parameters.iter().enumerate() {
-        let (effect, joint) = match *parameter {
-            Parameter::Link { link, .. } => (Effect::LinkInertia, link),
-            Parameter::RotorInertia(j) => (Effect::RotorInertia, j),
-            Parameter::Viscous(j) => (Effect::ViscousFriction, j),
-            Parameter::Coulomb(j) => (Effect::CoulombFriction, j),
-            // Effects in general, but values of a model that has them.
-            Parameter::LoadFriction(j) => (Effect::LoadDependentFriction, j),
-            Parameter::ViscousQuadratic(j) => (Effect::ViscousNonlinearity, j),
-            // Of the motor that turns with two joints: the one that it belongs to.
-            Parameter::CouplingInertia => (Effect::RotorInertia, of_coupling),
-            Parameter::CouplingViscous => (Effect::ViscousFriction, of_coupling),
-            Parameter::CouplingCoulomb => (Effect::CoulombFriction, of_coupling),
-            Parameter::Offset(_) => continue,
-        };
+        let Some((effect, joint)) = Effect::of_value(*parameter, of_coupling) else { continue };
         match groups.iter_mut().find(|g| g.effect == effect && g.joint == joint) {
             Some(group) => group.columns.push(at),
             None => groups.push(Group { effect, joint, columns: vec![at] }),

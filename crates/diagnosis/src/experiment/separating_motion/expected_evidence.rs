@@ -2,8 +2,8 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
+use crate::effects::Form;
 use crate::effects::candidates;
-use crate::effects::form::Form;
 use crate::effects::physics::Physics;
 use crate::fit::refinement::climb;
 use crate::model::rows::{Chain, Column};

@@ -1,6 +1,6 @@
 //! The verdict, from the causes that are upheld and what they leave.
 
-use crate::effects::effect::Kind;
+use crate::effects::Kind;
 use crate::judge::procedure::Step;
 use crate::policy::POLICY;
 use crate::report::diagnosis::{Cause, JointGap, Verdict};

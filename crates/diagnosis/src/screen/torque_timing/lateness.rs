@@ -14,8 +14,10 @@
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 use super::{Early, Part};
-use crate::effects::form::Form;
+use crate::effects::Form;
+use crate::effects::current_loop_lag::Lag;
 use crate::effects::physics::Physics;
+use crate::effects::transport_delay::Delay;
 use crate::model::nominal::Nominal;
 use crate::model::rows::Column;
 use crate::screen::prepared::Prepared;
@@ -41,8 +43,8 @@ impl Behind {
         let fits = |runs: &[&Prepared], parts: &[Part]| {
             let rows = Rows::new(runs, nominal, parts);
             let values = rows.with_torque_moved(-start)?;
-            let delay = rows.fitted(Form::Delay { seconds: start }, values.clone())?;
-            Some((delay, rows.fitted(Form::Lag { stands: false }, values)?))
+            let delay = rows.fitted(Delay { seconds: start }.into(), values.clone())?;
+            Some((delay, rows.fitted(Lag { stands: false }.into(), values)?))
         };
         let ((delay, _), (lag, _)) = fits(runs, &early.parts)?;
         // A reversal that is yet to come through the filters looks like a delay: a lag would need a pulse there, which no controller makes.
@@ -138,12 +140,13 @@ impl<'a> Rows<'a> {
                 return None;
             }
             values = x.iter().take(count).copied().collect();
-            let size = match &mut form {
-                Form::Delay { seconds } => {
-                    *seconds *= c;
-                    *seconds
+            let size = match form.get() {
+                Some(&Delay { seconds }) => {
+                    let longer = Delay { seconds: seconds * c };
+                    form = longer.clone().into();
+                    longer.seconds
                 }
-                _ => c,
+                None => c,
             };
             found = Some((size, square - explained));
         }

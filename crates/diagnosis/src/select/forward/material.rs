@@ -1,6 +1,6 @@
 //! Material effects: the least share of a joint's held-out variance that a name requires.
 
-use crate::effects::form::Form;
+use crate::effects::Form;
 use crate::fit::search::{Candidate, Search};
 use crate::policy::POLICY;
 
@@ -48,12 +48,14 @@ pub(super) fn is_material(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::effects::position_dependent_friction::PositionFriction;
+    use crate::effects::stribeck_friction::Stribeck;
 
     /// Stribeck friction beside wrong levels: 0.17 and 0.23 of its joint, with an evidence of 128 to 194.
     #[test]
     fn near_the_floor_plain_evidence_makes_less_material() {
-        let stribeck = Form::Stribeck { joint: 3, velocity: 0.06 };
+        let stribeck = Stribeck { joint: 3, velocity: 0.06 }.into();
         assert!(least_at_floor(&stribeck, 128.0) < 0.17 && least_at_floor(&stribeck, 90.0) > 0.23);
-        assert!(least_at_floor(&Form::PositionFriction { joint: 0, order: 294.7 }, 134.0) > 0.26);
+        assert!(least_at_floor(&PositionFriction { joint: 0, order: 294.7 }.into(), 134.0) > 0.26);
     }
 }

@@ -1,14 +1,94 @@
-//! Candidates of base flexibility: modes that the model filter passes and the motion excites.
+//! Base flexibility: what the arm stands on gives way. Its form, and candidates that the model filter passes and the motion excites.
 
 use std::f64::consts::{PI, TAU};
 
-use crate::effects::form::Form;
+use rivet_dynamics::{EffectKind, KnownEffect};
+
+use crate::effects::about::About;
+use crate::effects::carried::Carried;
+use crate::effects::columns::Full;
+use crate::effects::effect_form::EffectForm;
 use crate::effects::physics::Physics;
 use crate::effects::physics::base_mode::{LOWEST_MODE_HZ, Mode, Mounting};
+use crate::effects::size::named;
+use crate::effects::variable::Variable;
+use crate::effects::{Effect, Kind};
 use crate::model::rows::Chain;
 use crate::model::run::derivative;
 use crate::numerics::parallel;
 use crate::policy::POLICY;
+
+pub(super) const ABOUT: About = About {
+    variable: [Variable::Acceleration; 2],
+    motion: "short moves that start and stop hard, with joint 1 at several angles, and rests after them",
+    is_inexact: true,
+    ..About::new("base_flexibility", Kind::Structure)
+};
+
+/// The base turns about a horizontal axis, per share that the arm has of what turns
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Base {
+    pub(crate) mode: Mode,
+}
+
+impl Base {
+    /// The form of an effect of a robot file, and the factor of its column.
+    pub(super) fn from_file(effect: &KnownEffect) -> (Base, f64) {
+        let mode = Mode::given(effect.values);
+        (Base { mode }, mode.share)
+    }
+}
+
+impl EffectForm for Base {
+    fn effect(&self) -> Effect {
+        Effect::BaseFlexibility
+    }
+
+    fn joints(&self) -> Vec<usize> {
+        Vec::new()
+    }
+
+    fn inner_values(&self) -> usize {
+        3
+    }
+
+    fn columns(&self, p: &Physics<'_>) -> Vec<Full> {
+        vec![self.mode.column(p)]
+    }
+
+    fn carried(&self, c: &[f64], _x: &[f64], _joints: usize, _: Option<&[f64]>) -> (Carried, Vec<(usize, f64)>) {
+        Carried::section(EffectKind::BaseFlexibility, 0, &self.mode.handed_on(c[0]))
+    }
+
+    fn magnitude(&self, c: &[f64], _joints: usize, _reference: &[f64]) -> Vec<(String, f64)> {
+        named(&[
+            ("frequency_hz", self.mode.hz),
+            ("damping_ratio", self.mode.damping),
+            ("compliance_rad_Nm", self.mode.compliance(c[0])),
+            ("axis_heading_rad", self.mode.heading),
+        ])
+    }
+
+    fn plausible(&self, c: &[f64]) -> bool {
+        Mode::plausible(c[0])
+    }
+
+    fn scaled(&self, [a, b, c]: [f64; 3]) -> Base {
+        Base { mode: self.mode.moved(a, b, c.ln()) }
+    }
+
+    fn steps(&self) -> Vec<(usize, f64)> {
+        vec![(0, 1.07), (1, 1.6), (2, 1.5)]
+    }
+
+    fn settled(&self, c: f64) -> Option<Base> {
+        self.mode.settled(c).map(|mode| Base { mode })
+    }
+
+    fn is_simulated(&self) -> bool {
+        true
+    }
+}
 
 /// Ratio of neighbouring frequencies.
 const MODE_FREQUENCY_RATIO: f64 = 1.15;
@@ -75,7 +155,7 @@ impl<'a> Shown<'a> {
 }
 
 /// Modes that one of the runs shows: the equations pass them, and the motion makes more of them than a base that only follows.
-pub(crate) fn forms(physics: &[Physics<'_>]) -> Vec<Form> {
+pub(crate) fn candidates(physics: &[Physics<'_>]) -> Vec<Base> {
     let Some(runs) = physics.iter().map(Shown::new).collect::<Option<Vec<Shown<'_>>>>() else { return Vec::new() };
     let highest_hz = POLICY.plausibility.max_mode_cutoff_share
         * runs.iter().map(|r| r.chain.cutoff_hz()).fold(f64::INFINITY, f64::min);
@@ -98,7 +178,7 @@ pub(crate) fn forms(physics: &[Physics<'_>]) -> Vec<Form> {
     };
     let modes_at = |(hz, shown): (&f64, Vec<bool>)| {
         let hz = *hz;
-        headings().zip(shown).filter(|(_, s)| *s).map(move |(heading, _)| Form::Base { mode: mode(hz, heading) })
+        headings().zip(shown).filter(|(_, s)| *s).map(move |(heading, _)| Base { mode: mode(hz, heading) })
     };
     frequencies.iter().zip(shown).flat_map(modes_at).collect()
 }
@@ -106,14 +186,16 @@ pub(crate) fn forms(physics: &[Physics<'_>]) -> Vec<Form> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::effects::Form;
+    use crate::effects::joint_spring::Spring;
     use crate::effects::physics::base_mode::tests::{swinging, swinging_under};
 
     /// Ī of the arm is found, so that the arm's share is: with a compliance of half of 1/(Ī ω²) the base has as much itself.
     #[test]
     fn a_compliance_means_an_inertia_of_the_base() {
         swinging(5.0, 1e-3, |p| {
-            let forms = forms(std::slice::from_ref(p));
-            let Some(Form::Base { mode }) = forms.first() else { panic!("{forms:?}") };
+            let forms = candidates(std::slice::from_ref(p));
+            let Some(Base { mode }) = forms.first() else { panic!("{forms:?}") };
             assert!(mode.inertia.iter().zip([2.0, 0.0, 2.0]).all(|(a, b)| (a - b).abs() < 1e-9), "{mode:?}");
             let compliance = 0.5 / (2.0 * (TAU * mode.hz).powi(2));
             assert!((mode.compliance(0.5) / compliance - 1.0).abs() < 1e-12);
@@ -130,8 +212,8 @@ mod tests {
                 let forms = crate::effects::candidates::forms(std::slice::from_ref(p), &[Vec::new()]);
                 let has = |wanted: fn(&Form) -> bool| forms.iter().any(wanted);
                 [
-                    has(|f| f.effect() == crate::effects::effect::Effect::Counterbalance && !f.is_nameless()),
-                    has(|f| matches!(f, Form::Spring { .. })),
+                    has(|f| f.effect() == Effect::Counterbalance && !f.is_nameless()),
+                    has(|f| f.get::<Spring>().is_some()),
                 ]
             })
         };
@@ -143,13 +225,11 @@ mod tests {
     /// A swing of 5 Hz shows modes at that frequency and some way above, one of 0.3 Hz none; 20 samples a second pass none.
     #[test]
     fn only_what_filter_and_motion_show_is_looked_for() {
-        let hz = |forms: Vec<Form>| -> Vec<f64> {
-            forms.iter().map(|f| if let Form::Base { mode } = f { mode.hz } else { 0.0 }).collect()
-        };
-        let fast = swinging(5.0, 1e-3, |p| hz(forms(std::slice::from_ref(p))));
+        let hz = |forms: Vec<Base>| -> Vec<f64> { forms.iter().map(|f| f.mode.hz).collect() };
+        let fast = swinging(5.0, 1e-3, |p| hz(candidates(std::slice::from_ref(p))));
         assert!(fast.iter().any(|f| (4.0..6.0).contains(f)), "{fast:?}");
         assert!(fast.iter().all(|f| *f < 27.0), "{fast:?}");
-        assert!(swinging(0.3, 1e-3, |p| forms(std::slice::from_ref(p)).is_empty()));
-        assert!(swinging(5.0, 0.05, |p| forms(std::slice::from_ref(p)).is_empty()));
+        assert!(swinging(0.3, 1e-3, |p| candidates(std::slice::from_ref(p)).is_empty()));
+        assert!(swinging(5.0, 0.05, |p| candidates(std::slice::from_ref(p)).is_empty()));
     }
 }

@@ -1,9 +1,26 @@
-//! Columns of rigid-body torque: of a displaced joint, of one body, of gravity along an axis.
+//! Parts of columns: one joint's signal, values between samples, and torque of rigid bodies.
 
 use rivet_dynamics::{Workspace, inverse_dynamics};
 
-use super::Full;
 use crate::effects::physics::{Physics, bodies, displaced};
+
+/// A column at the rate of the log: signals by joint.
+pub(crate) type Full = Vec<Option<Vec<f64>>>;
+
+/// A column that is a signal of one joint.
+pub(super) fn on(p: &Physics<'_>, joint: usize, signal: impl Fn(usize) -> f64) -> Full {
+    let mut full: Full = vec![None; p.joints()];
+    full[joint] = Some((0..p.samples()).map(signal).collect());
+    full
+}
+
+/// Value between samples, linear; the ends hold.
+pub(super) fn between(x: &[f64], place: f64) -> f64 {
+    let place = place.clamp(0.0, (x.len() - 1) as f64);
+    let k = (place as usize).min(x.len().saturating_sub(2));
+    let share = place - k as f64;
+    x[k] * (1.0 - share) + x[(k + 1).min(x.len() - 1)] * share
+}
 
 /// The joint's angle is off by cos(cq) and sin(cq): rigid torques change by M δ̈ + ∂τ/∂q δ. Where the encoder itself is
 /// off (`whole`) so do the drive's inertia and viscous friction.
