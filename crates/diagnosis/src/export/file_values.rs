@@ -5,13 +5,14 @@
 //! Base parameters that fit are free, so bodies and drives behind them are sought; where the model lacks something they may be
 //! nowhere near. A file that is worse than the one it was made from helps nobody: then drives, and at last all of it, stay as given.
 
-use rivet_dynamics::{BaseSet, KnownEffect, Model};
+use rivet_dynamics::{BaseSet, KnownEffect, Model, Parameter};
 use rivet_estimation::consistency::{ConsistencyError, Projection, Reference, project, project_torque};
 
 use crate::export::torque_parts::Told;
 use crate::model::nominal::Nominal;
 use crate::model::rows::Column;
 use crate::policy::POLICY;
+use crate::report::details::Unsure;
 use crate::screen::prepared::Prepared;
 use crate::select::adopted::Adopted;
 
@@ -30,6 +31,22 @@ pub(crate) struct Kept {
 }
 
 impl Kept {
+    /// Values of drives that a file keeps as they are: of joints whose torque is not believed, and those that runs do not pin and
+    /// no cause `named`.
+    pub(crate) fn new(nominal: &Nominal, unheard: Vec<usize>, unsure: &Unsure, named: &[usize]) -> Kept {
+        let parameters = nominal.model.parameters.iter().enumerate();
+        let drive = parameters.filter(|(_, p)| !matches!(p, Parameter::Link { .. }));
+        let (unbelieved, rest): (Vec<_>, Vec<_>) =
+            drive.partition(|(_, p)| p.joint().is_some_and(|j| unheard.contains(&j)));
+        let open = |(c, p): &(usize, &Parameter)| {
+            !matches!(p, Parameter::Offset(_))
+                && unsure.share[*c] >= POLICY.plausibility.max_pinned_share
+                && !named.contains(c)
+        };
+        let places = |of: Vec<(usize, &Parameter)>| of.into_iter().map(|(c, _)| c).collect();
+        Kept { unpinned: places(rest.into_iter().filter(open).collect()), unbelieved: places(unbelieved), unheard }
+    }
+
     pub(crate) fn columns(&self) -> impl Iterator<Item = usize> + '_ {
         self.unbelieved.iter().chain(&self.unpinned).copied()
     }

@@ -20,6 +20,7 @@ use crate::model::log_fault::{LogFault, LogFinding};
 use crate::policy::POLICY;
 use crate::report::curves::{self, Shown};
 use crate::report::diagnosis::{BetweenRuns, Cause, DataUse, Diagnosis, JointGap, Scatter, Shrink, Verdict, pooled};
+use crate::report::regimes;
 use crate::report::repeatability;
 use crate::report::shapley;
 use crate::select::adopted::Adopted;
@@ -293,7 +294,7 @@ impl Opened<'_> {
             after: after.all,
             noise_floor: floor,
             per_joint,
-            place: procedure.place(measured, &names),
+            place: regimes::cells(procedure.sealed, measured, &names),
             causes,
             withdrawn,
             unexplained_share,

@@ -19,6 +19,7 @@ use crate::model::nominal::Nominal;
 use crate::model::rows::Column;
 use crate::policy::POLICY;
 use crate::report::diagnosis::{Cause, Diagnosis, JointGap, Shrink, Verdict, pooled};
+use crate::report::regimes;
 use crate::screen::joint_zero::{self, Zero};
 use crate::screen::prepared::Prepared;
 use crate::screen::rigid_torque::{Bodies, FreeDrives, joined};
@@ -276,7 +277,7 @@ fn tell(procedure: &Procedure<'_>, told: Otherwise, share: f64, alike: Vec<(Effe
         after: after.all,
         noise_floor: floor,
         per_joint,
-        place: procedure.place(&stages, &names),
+        place: regimes::cells(sealed, &stages, &names),
         causes: vec![cause],
         creeping_share: f64::NAN,
         unexplained_share: share_left(&before, &after, floor),

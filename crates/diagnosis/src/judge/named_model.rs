@@ -9,6 +9,7 @@ use crate::judge::procedure::Procedure;
 use crate::model::gap::Gap;
 use crate::policy::POLICY;
 use crate::report::diagnosis::{Diagnosis, Verdict};
+use crate::report::regimes;
 use crate::screen::prepared::turn_columns;
 
 impl Procedure<'_> {
@@ -40,7 +41,7 @@ impl Procedure<'_> {
             gap.after = after.per_joint[j];
             gap.in_motion = sealed.in_motion(j);
         }
-        report.place = self.place(&stages, &self.names());
+        report.place = regimes::cells(self.sealed, &stages, &self.names());
         report.creeping_share = creeping_share(&stages);
         report.unexplained_share = share_left(&before, &after, report.noise_floor);
         let values = !report.causes.is_empty() && report.causes.iter().all(|c| c.effect.kind() == Kind::Value);

@@ -1,5 +1,6 @@
 //! The gap by joint and regime: rest, reversal, slow, accelerating, cruise.
 
+use crate::fit::stages::Stages;
 use crate::model::standstill::is_moved;
 use crate::policy::POLICY;
 use crate::screen::prepared::Prepared;
@@ -98,4 +99,38 @@ impl Cell {
     pub fn is_known(&self) -> bool {
         self.seconds >= Cell::MIN_REGIME_TIME_S
     }
+}
+
+/// Shares of the squared gap of the nominal model, each joint's torque scaled to rms 1, by joint and regime.
+pub(crate) fn cells(sealed: &Prepared, measured: &Stages, names: &[String]) -> Vec<Cell> {
+    let mut cells = Vec::new();
+    let mut total = 0.0;
+    for (j, name) in names.iter().enumerate() {
+        let regimes = classify(sealed, j);
+        let (tau, model) = (&measured.tau[j], &measured.models[0][j]);
+        let full = &measured.models[measured.models.len() - 1][j];
+        let scale: f64 = tau.iter().map(|t| t * t).sum::<f64>().max(f64::MIN_POSITIVE);
+        let counts = sealed.silent[j].is_none();
+        for regime in Regime::ALL {
+            let inside = (0..tau.len()).filter(|k| counts && regimes[*k] == regime);
+            let (error, left, rows) = inside.fold((0.0, 0.0, 0usize), |(e, l, n), k| {
+                (e + (tau[k] - model[k]).powi(2), l + (tau[k] - full[k]).powi(2), n + 1)
+            });
+            total += error / scale;
+            let rms = |square: f64| (square / rows.max(1) as f64).sqrt();
+            cells.push(Cell {
+                joint: name.clone(),
+                regime,
+                share: error / scale,
+                seconds: rows as f64 * sealed.chain.row_period_s,
+                before_nm: rms(error),
+                after_nm: rms(left),
+            });
+        }
+    }
+    for cell in &mut cells {
+        cell.share /= f64::max(total, f64::MIN_POSITIVE);
+    }
+    cells.sort_by(|a, b| b.share.total_cmp(&a.share));
+    cells
 }
