@@ -1,46 +1,28 @@
-//! From runs as they were given to the procedure: shapes, faults that take runs out, the run that is sealed.
+//! Entry points: shapes and faults of the runs given, the held-out run, and the procedure on the sound ones.
 
 use rivet_dynamics::Model;
 
-use crate::background::{Nominal, Typical};
-use crate::computed;
-use crate::design::Prepared;
-use crate::first_fit;
-use crate::log_check;
-use crate::log_fault::LogFinding;
-use crate::motions::MotionBounds;
-use crate::patch::Patch;
+use crate::experiment::separating_motion::MotionBounds;
+use crate::export::patch::Patch;
+use crate::fit::initial_friction;
+use crate::judge::mounting;
+use crate::judge::procedure::Procedure;
+use crate::model::log_fault::LogFinding;
+use crate::model::nominal::{Nominal, Typical};
+use crate::model::run::{Run, split};
+use crate::model::standstill;
 use crate::policy::POLICY;
-use crate::procedure::Procedure;
-use crate::report::{DataUse, Diagnosis};
-use crate::run::{Run, split};
-use crate::signals;
-use crate::signs;
-use crate::silence;
-use crate::stillness;
-use crate::timing;
-use crate::units;
-use crate::upright;
-use crate::whole;
-
-/// Why nothing could be diagnosed.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum DiagnosisError {
-    /// No run was given.
-    #[error("no run to diagnose")]
-    NoRun,
-    /// A run with another number of joints, or signals of different lengths.
-    #[error("{run}: {what}")]
-    Shape {
-        /// The run's name.
-        run: String,
-        /// What is wrong with it.
-        what: String,
-    },
-    /// The equations cannot be solved.
-    #[error("the equations of the runs cannot be solved: is every signal finite and the nominal model physical?")]
-    Singular,
-}
+use crate::report::diagnosis::{DataUse, Diagnosis};
+use crate::screen::arm_signals;
+use crate::screen::computed_torque;
+use crate::screen::input::{DiagnosisError, check};
+use crate::screen::log_check;
+use crate::screen::position_sign;
+use crate::screen::prepared::Prepared;
+use crate::screen::signal_faults;
+use crate::screen::silent_channel;
+use crate::screen::torque_timing;
+use crate::screen::torque_unit;
 
 /// Compares runs with what the simulator knows: `model` with the standard vector `nominal`.
 ///
@@ -101,7 +83,7 @@ fn run_all(
     }
     let (places, runs): (Vec<usize>, Vec<Run>) = runs.into_iter().unzip();
     let all = Nominal::new(model, nominal, &Typical::from_runs(&runs, joints));
-    let is_mute = |(_, run): &(usize, Run)| silence::is_mute(run, &all.x);
+    let is_mute = |(_, run): &(usize, Run)| silent_channel::is_mute(run, &all.x);
     let (mute, telling): (Vec<_>, Vec<_>) = places.into_iter().zip(runs).partition(is_mute);
     // Nothing can be sealed, or learnt, of channels that say nothing; they are said.
     let mute: Vec<Prepared> = mute.into_iter().map(|(_, run)| Prepared::new(run, &all)).collect();
@@ -137,14 +119,14 @@ fn run_all(
         };
     }
     let given = Procedure { nominal: &nominal, look: &look, sealed: &sealed, data, mute: log };
-    if let Some(found) = upright::check(&given, say) {
+    if let Some(found) = mounting::check(&given, say) {
         return Ok((Diagnosis { unused: unused(&used), used, ..found }, None));
     }
     let log = given.mute;
     log_check::leave_out_held(&mut sealed, &nominal);
     let looked_at = look.len();
     let mut all: Vec<&mut Prepared> = look.iter_mut().chain([&mut sealed]).collect();
-    first_fit::know(&mut nominal, looked_at, &mut all).ok_or(DiagnosisError::Singular)?;
+    initial_friction::know(&mut nominal, looked_at, &mut all).ok_or(DiagnosisError::Singular)?;
     let done = Procedure { nominal: &nominal, look: &look, sealed: &sealed, data, mute: log }.run(patch, say);
     let (mut found, patch) = done.ok_or(DiagnosisError::Singular)?;
     found.know_repeats(&sealed.tau);
@@ -173,8 +155,8 @@ fn screen(
     for run in look.iter_mut().chain([&mut *sealed]) {
         log_check::distrust(run, nominal);
     }
-    units::distrust(&mut look.iter_mut().chain([&mut *sealed]).collect::<Vec<_>>(), nominal);
-    let turned = signs::check(look.iter_mut().chain([&mut *sealed]), nominal);
+    torque_unit::distrust(&mut look.iter_mut().chain([&mut *sealed]).collect::<Vec<_>>(), nominal);
+    let turned = position_sign::check(look.iter_mut().chain([&mut *sealed]), nominal);
     if !turned.is_empty() {
         let why =
             format!("{turned} the position has the wrong sign: the torque of the other joints fits another motion");
@@ -183,17 +165,21 @@ fn screen(
     }
     log_check::silence_dead(&mut look.iter_mut().chain([&mut *sealed]).collect::<Vec<_>>(), mute);
     say("torque and position in time");
-    log.extend(timing::align::align(&mut look.iter_mut().chain([&mut *sealed]).collect::<Vec<_>>(), nominal, say));
+    log.extend(torque_timing::alignment::align(
+        &mut look.iter_mut().chain([&mut *sealed]).collect::<Vec<_>>(),
+        nominal,
+        say,
+    ));
     if log_check::is_unheard(look) || log_check::is_unheard(std::slice::from_ref(sealed)) {
         log.extend(look.iter().chain([&*sealed]).flat_map(|run| log_check::check(run, nominal)));
-        let why = if (0..nominal.model.arm.dof()).all(|j| stillness::is_still(&sealed.motion, j)) {
+        let why = if (0..nominal.model.arm.dof()).all(|j| standstill::is_still(&sealed.motion, j)) {
             "no joint moves in the last part, which is held out: no test is possible on it"
         } else {
             "no joint that moves has a trusted torque"
         };
         return Err(End::Unheard(why));
     }
-    if let Some(why) = whole::spoilt(look, sealed, nominal) {
+    if let Some(why) = arm_signals::spoilt(look, sealed, nominal) {
         log.extend(look.iter().chain([&*sealed]).flat_map(|run| log_check::check(run, nominal)));
         return Err(End::NotEvaluated(why));
     }
@@ -203,7 +189,7 @@ fn screen(
 /// A run whose signals were mended; what was wrong with them is put down.
 fn mended(model: &Model, run: Run, log: &mut Vec<LogFinding>) -> Run {
     let name = run.name.clone();
-    let (run, found) = signals::mend(run);
+    let (run, found) = signal_faults::mend(run);
     let finding =
         |(j, fault): (usize, _)| LogFinding { run: name.clone(), joint: model.arm.joints[j].name.clone(), fault };
     log.extend(found.into_iter().map(finding));
@@ -213,7 +199,7 @@ fn mended(model: &Model, run: Run, log: &mut Vec<LogFinding>) -> Run {
 /// Why nothing is evaluated where the torque of all runs was computed.
 fn computed_reason<'a>(model: &Model, runs: impl Iterator<Item = &'a Run>) -> String {
     let why = "the torque of every run was computed along the desired motion, not measured".to_owned();
-    match computed::flange_body(&model.arm, runs) {
+    match computed_torque::flange_body(&model.arm, runs) {
         Some(body) => format!("{why}; the model it was computed with {body}"),
         None => why,
     }
@@ -230,24 +216,6 @@ fn too_little_motion(look: &[Run], fit_seconds: f64) -> Option<String> {
     } else {
         "no joint of the logs moves enough for a decision".to_owned()
     })
-}
-
-pub(crate) fn check(run: &Run, joints: usize) -> Result<(), DiagnosisError> {
-    let fault = |what: String| Err(DiagnosisError::Shape { run: run.name.clone(), what });
-    let rows = run.len();
-    let desired = run
-        .desired
-        .iter()
-        .flat_map(|d| [(&d.q, "desired positions"), (&d.qd, "desired speeds"), (&d.qdd, "desired accelerations")]);
-    for (signal, name) in [(&run.q, "positions"), (&run.tau, "torques")].into_iter().chain(desired) {
-        if signal.len() != joints {
-            return fault(format!("{name} of {} joints, the robot has {joints}", signal.len()));
-        }
-        if signal.iter().any(|s| s.len() != rows) {
-            return fault(format!("{name} of different lengths"));
-        }
-    }
-    Ok(())
 }
 
 fn moves(run: &Run) -> bool {

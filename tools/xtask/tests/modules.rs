@@ -86,6 +86,85 @@ fn circles(edges: &BTreeMap<&str, BTreeSet<&str>>) -> Vec<Vec<String>> {
     found
 }
 
+/// Folders of a crate in the order in which they may be imported, from the line `//! order: a, b, c` of its `lib.rs`.
+fn order(lib: &str) -> Vec<&str> {
+    let line = lib.lines().find_map(|line| line.strip_prefix("//! order: "));
+    line.map(|line| line.split(',').map(str::trim).collect()).unwrap_or_default()
+}
+
+/// Imports of `modules` from a folder that comes later in `order`, and folders without a place in it.
+fn against_the_order(modules: &BTreeMap<String, String>, order: &[&str]) -> Vec<String> {
+    let place = |path: &str| order.iter().position(|folder| path.split("::").next() == Some(*folder));
+    let mut wrong = Vec::new();
+    for (name, source) in modules {
+        let Some(own) = place(name) else {
+            wrong.push(format!("{name} has no place in the order"));
+            continue;
+        };
+        let later = imports(source).into_iter().filter(|path| place(path).is_some_and(|of_import| of_import > own));
+        wrong.extend(later.map(|path| format!("{name} imports {path}")));
+        if source.contains("super::super::") {
+            wrong.push(format!("{name} names a folder by `super::super`, which this test does not follow"));
+        }
+    }
+    wrong
+}
+
+#[test]
+fn folders_of_the_diagnosis_import_in_one_direction() {
+    let source = workspace().join("crates/diagnosis/src");
+    let lib = std::fs::read_to_string(source.join("lib.rs")).expect("the crate is there");
+    let mut found = BTreeMap::new();
+    modules(&source, "", &mut found);
+    let order = order(&lib);
+    assert!(order.len() >= 10 && found.len() > order.len(), "{order:?}");
+    let wrong = against_the_order(&found, &order);
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// Lines of sources outside `effects` that name an effect or a form by its variant.
+fn named_variants(folder: &Path) -> Vec<String> {
+    let is_variant = |line: &str, list: &str| {
+        let mut after = line.split(list).skip(1);
+        after.any(|rest| rest.starts_with(|c: char| c.is_ascii_uppercase()) && !rest.starts_with("ALL"))
+    };
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").path()) {
+        if entry.is_dir() {
+            if entry.file_name().is_some_and(|name| name != "effects") {
+                found.extend(named_variants(&entry));
+            }
+            continue;
+        }
+        let text = std::fs::read_to_string(&entry).expect("a source");
+        let named = text.lines().filter(|line| is_variant(line, "Form::") || is_variant(line, "Effect::"));
+        found.extend(named.map(|line| format!("{}: {}", entry.display(), line.trim())));
+    }
+    found
+}
+
+#[test]
+fn effects_are_named_in_their_own_files_only() {
+    let source = workspace().join("crates/diagnosis/src");
+    let found = named_variants(&source);
+    assert!(found.is_empty(), "{}", found.join("\n"));
+    assert!(!named_variants(&source.join("effects")).is_empty(), "the files of the effects name them");
+}
+
+#[test]
+fn an_import_against_the_order_is_found() {
+    let modules = |sources: [(&str, &str); 2]| sources.map(|(name, text)| (name.to_owned(), text.to_owned())).into();
+    let order = order("//! A crate.\n//!\n//! order: low, high\n");
+    assert_eq!(order, ["low", "high"]);
+    let along: BTreeMap<String, String> =
+        modules([("low::a", "use crate::low::b::B;"), ("high::c", "use crate::{low::a::A, high::d::D};")]);
+    assert!(against_the_order(&along, &order).is_empty());
+    let against: BTreeMap<String, String> =
+        modules([("low::a", "fn a() { crate::high::c::f() }"), ("other::b", "use crate::low::a::A;")]);
+    let wrong = ["low::a imports high::c::f", "other::b has no place in the order"];
+    assert_eq!(against_the_order(&against, &order), wrong);
+}
+
 #[test]
 fn no_crate_has_a_circle_of_modules() {
     let mut wrong = Vec::new();

@@ -1,0 +1,3 @@
+//! Motions that separate effects which these logs confound.
+
+pub(crate) mod separating_motion;

@@ -1,0 +1,53 @@
+//! Parallel maps with results in the order of the items, so that nothing depends on the number of threads.
+//!
+//! Threads of their own, not a pool's: work may make a signal that others wait for (`OnceLock`) and share that out in turn. A
+//! pool's worker would meanwhile take up other work, which may wait for the very signal that it is making.
+
+use std::num::NonZero;
+
+/// More threads than this gain nothing: memory is the bound.
+const MAX_THREADS: usize = 8;
+/// Samples that a thread takes at a time.
+const CHUNK: usize = 2048;
+
+/// `f` of every item.
+pub(crate) fn map<T: Sync, R: Send>(items: &[T], f: impl Fn(&T) -> R + Sync) -> Vec<R> {
+    let workers = std::thread::available_parallelism().map_or(1, NonZero::get).min(MAX_THREADS).min(items.len());
+    if workers < 2 {
+        return items.iter().map(f).collect();
+    }
+    let f = &f;
+    let done: Vec<Vec<R>> = std::thread::scope(|scope| {
+        // Neighbours cost alike: each worker takes every so manieth.
+        let start = |w: usize| scope.spawn(move || items.iter().skip(w).step_by(workers).map(f).collect());
+        let running: Vec<_> = (0..workers).map(start).collect();
+        running.into_iter().map(|r| r.join().unwrap_or_else(|why| std::panic::resume_unwind(why))).collect()
+    });
+    let mut parts: Vec<_> = done.into_iter().map(Vec::into_iter).collect();
+    (0..items.len()).filter_map(|i| parts[i % workers].next()).collect()
+}
+
+/// Stretches of samples: from and to.
+pub(crate) fn chunks(samples: usize) -> Vec<(usize, usize)> {
+    (0..samples).step_by(CHUNK).map(|from| (from, (from + CHUNK).min(samples))).collect()
+}
+
+/// Signals of successive chunks, one behind the other.
+pub(crate) fn joined(chunks: Vec<Vec<Vec<f64>>>, signals: usize) -> Vec<Vec<f64>> {
+    let mut all = vec![Vec::with_capacity(chunks.iter().filter_map(|c| c.first()).map(Vec::len).sum()); signals];
+    for chunk in chunks {
+        all.iter_mut().zip(chunk).for_each(|(to, from)| to.extend(from));
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn results_stand_in_the_order_of_items() {
+        for count in [0_usize, 1, 2, 7, 100] {
+            let items: Vec<usize> = (0..count).collect();
+            assert_eq!(super::map(&items, |i| i * i), items.iter().map(|i| i * i).collect::<Vec<_>>());
+        }
+    }
+}
