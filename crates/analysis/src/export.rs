@@ -11,8 +11,8 @@ use rivet_estimation::offline::Fit;
 
 use rivet_files::Printable;
 
-use crate::runs;
 use crate::table::number;
+use crate::{mesh_paths, runs};
 
 /// Writes `model.toml`, `robot.urdf` and `not-expressible.md` into `folder`; the model refers to the URDF beside it.
 ///
@@ -31,7 +31,7 @@ pub(crate) fn export(
     std::fs::create_dir_all(folder).with_context(|| named(folder))?;
     let (urdf, model, notes) =
         (folder.join("robot.urdf"), folder.join("model.toml"), folder.join("not-expressible.md"));
-    let text = std::fs::read_to_string(&robot.config.urdf).with_context(|| named(&robot.config.urdf))?;
+    let text = description(robot, folder)?;
     let mut moved = robot.clone();
     moved.config.urdf.clone_from(&urdf);
     place_load(&mut moved, robot, folder)?;
@@ -59,6 +59,13 @@ pub(crate) fn export(
             write_identified(&moved, &fit.values, &fit.std, &model).with_context(|| named(&model))
         }
     }
+}
+
+/// The robot description as it is written into `folder`: paths of meshes lead to where they led.
+pub(crate) fn description(robot: &Robot, folder: &Path) -> Result<String> {
+    let urdf = &robot.config.urdf;
+    let text = std::fs::read_to_string(urdf).with_context(|| urdf.display().to_string())?;
+    Ok(mesh_paths::moved(&text, urdf.parent().unwrap_or(Path::new("")), folder))
 }
 
 /// The bodies that made the carried torque of load friction, as they were, beside the exported URDF, which gets others.

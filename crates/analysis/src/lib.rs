@@ -34,6 +34,8 @@ mod jitter;
 pub mod kinematics;
 mod left_out;
 pub mod map;
+mod mesh_paths;
+mod mujoco_forces;
 mod not_excited;
 pub mod open_keys;
 pub mod passport;

@@ -5,10 +5,11 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use rivet_config::{Changes, Robot, write_changed, write_identified};
-use rivet_diagnosis::{Fidelity, FormatReport, Patch, SeparatingMotion, mjcf_coupling_fits};
+use rivet_diagnosis::{Fidelity, Format, FormatReport, Patch, SeparatingMotion, mjcf_coupling_fits};
 use rivet_dynamics::{EffectKind, Mjcf, MjcfDrive, MjcfTendon, write_urdf};
 
-use crate::export::{bodies, place_load};
+use crate::export::{bodies, description, place_load};
+use crate::mujoco_forces;
 use crate::runs;
 use crate::session;
 use crate::table::{number, paragraph};
@@ -22,7 +23,7 @@ pub(crate) fn export(robot: &Robot, patch: &Patch, folder: &Path) -> Result<Robo
     std::fs::create_dir_all(folder).with_context(|| named(folder))?;
     let [urdf, model, mjcf, notes] =
         ["robot.urdf", "model.toml", "robot.xml", "not-expressible.md"].map(|name| folder.join(name));
-    let text = std::fs::read_to_string(&robot.config.urdf).with_context(|| named(&robot.config.urdf))?;
+    let text = description(robot, folder)?;
     let mut moved = robot.clone();
     moved.config.urdf.clone_from(&urdf);
     place_load(&mut moved, robot, folder)?;
@@ -46,6 +47,11 @@ pub(crate) fn export(robot: &Robot, patch: &Patch, folder: &Path) -> Result<Robo
         made = rivet_config::load(&model)?;
     }
     rivet_files::write_whole(&mjcf, of_robot(&made).text()).with_context(|| named(&mjcf))?;
+    let forces = mujoco_forces::module(&made);
+    if let Some(forces) = &forces {
+        let path = folder.join(mujoco_forces::FILE);
+        rivet_files::write_whole(&path, forces).with_context(|| named(&path))?;
+    }
     for (k, motion) in patch.motions.iter().enumerate() {
         let rivals = motion.rivals.iter().map(|r| r.name()).collect::<Vec<_>>().join(", ");
         if !motion.is_conclusive() {
@@ -72,6 +78,16 @@ pub(crate) fn export(robot: &Robot, patch: &Patch, folder: &Path) -> Result<Robo
         session::note(paragraph("rivet: ", &format!("{line} (see {})", notes.display())).trim_end());
     }
     for report in &patch.formats {
+        if let Some(missing) = missing_effects(report) {
+            let adds = match (report.format, &forces) {
+                (Format::Mjcf, Some(_)) => {
+                    format!("; {} adds those that follow from position and velocity", mujoco_forces::FILE)
+                }
+                _ => String::new(),
+            };
+            let text = format!("{} has no place for {missing}{adds} (see {})", report.format.file(), notes.display());
+            session::note(paragraph("rivet: ", &text).trim_end());
+        }
         if let Some(joints) = worse(report, &runs::joint_names(robot)) {
             let text = format!(
                 "{} has a larger residual than the nominal model on {joints}: its format cannot express what was found (see {})",
@@ -149,6 +165,13 @@ fn setpoints(motion: &SeparatingMotion, joint_zero: &[f64]) -> String {
         out.push('\n');
     }
     out
+}
+
+/// Effects that a file does not hold, in words.
+fn missing_effects(report: &FormatReport) -> Option<String> {
+    let missing = report.items.iter().filter(|item| item.is_effect && item.fidelity == Fidelity::Missing);
+    let names: Vec<&str> = missing.map(|item| item.what.as_str()).collect();
+    (!names.is_empty()).then(|| names.join(", "))
 }
 
 /// Names of the joints on which a file is worse than the model as given.

@@ -102,7 +102,7 @@ impl Procedure<'_> {
         let mut left_out = Vec::new();
         let mut search = Search::new(self.look.iter().collect(), self.nominal)?;
         let explanation = Explanation::find(&mut search, &mut left_out, say)?;
-        let fit = FittedSteps::new(self, &search, &explanation.adopted, &explanation.wrong.groups)?;
+        let mut fit = FittedSteps::new(self, &search, &explanation.adopted, &explanation.wrong.groups)?;
         say("prediction of the held-out log");
         let prediction = fit.predict(&search)?;
         say("the sealed torque");
@@ -207,7 +207,7 @@ impl Procedure<'_> {
     ) -> (Option<Sized>, Option<Stages>) {
         let FittedSteps { steps, hidden, means, .. } = fit;
         let sizes = "sizes of causes without the withdrawn ones (sizes with them are reported)";
-        let sized = self.size(report, search, wrong, steps, upheld);
+        let sized = self.size(report, search, wrong, fit, upheld);
         let mut sized = or_said(sized, sizes, left_out);
         let mut reported = sized.as_ref().and_then(|s| self.apply_named_model(report, hidden, s, means, &search.noise));
         // With what was withdrawn an effect may have helped that hardly does by itself.
@@ -218,7 +218,7 @@ impl Procedure<'_> {
                 upheld[standing[*at]] = false;
             }
             if !out.is_empty() {
-                sized = or_said(self.size(report, search, wrong, steps, upheld), sizes, left_out);
+                sized = or_said(self.size(report, search, wrong, fit, upheld), sizes, left_out);
                 let again =
                     sized.as_ref().and_then(|s| self.apply_named_model(report, hidden, s, means, &search.noise));
                 reported = again.or(reported);
@@ -230,7 +230,7 @@ impl Procedure<'_> {
         if or_said(unseen, asked, left_out) == Some(true) {
             report.withdrawn.append(&mut report.causes);
             upheld.fill(false);
-            sized = or_said(self.size(report, search, wrong, steps, upheld), sizes, left_out);
+            sized = or_said(self.size(report, search, wrong, fit, upheld), sizes, left_out);
         }
         (sized, reported)
     }

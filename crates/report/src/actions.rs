@@ -4,7 +4,7 @@ use rivet_diagnosis::{Effect, Kind};
 
 use crate::document::{Cause, Document, JointGap, Parameter, is_contact};
 use crate::scores::{Bin, Score};
-use crate::words::{effect, figure, joints_in_short, printed_unit, quantity_of, rival};
+use crate::words::{effect, figure, joints_in_short, parameter_label, printed_unit, quantity_of, rival};
 
 /// Values of the model in one line; the table of parameters has all.
 const VALUES: usize = 3;
@@ -14,13 +14,19 @@ const FACTORS: [(&str, &str); 2] = [("mass_gain", "mass and inertia"), ("inertia
 const KEEPS: f64 = 2.0;
 /// A simulator further from the arm than this has lost it \[rad\]: no joint follows its plan any more.
 const LOST: f64 = 1.0;
+/// A figure that grew by more than this factor is worse.
+const WORSE: f64 = 1.005;
 /// Confidence in words, on blind cases, needs so many names of that confidence.
 const FEWEST_NAMES: usize = 20;
 
 impl Document {
-    /// One line a cause: what to do, with number, unit, interval and confidence. `scores` are those of cases whose answers are known.
+    /// One line a cause: what to do, with number, unit, interval and confidence; what takes the largest share of the gap first.
+    /// `scores` are those of cases whose answers are known.
     pub fn actions(&self, scores: &[Score]) -> Vec<String> {
-        self.causes.iter().map(|cause| self.action(cause, scores)).collect()
+        let mut causes: Vec<&Cause> = self.causes.iter().collect();
+        let share = |cause: &Cause| cause.share.unwrap_or(0.0);
+        causes.sort_by(|a, b| share(b).total_cmp(&share(a)));
+        causes.into_iter().map(|cause| self.action(cause, scores)).collect()
     }
 
     fn action(&self, cause: &Cause, scores: &[Score]) -> String {
@@ -51,35 +57,50 @@ impl Document {
         }
     }
 
-    /// Sizes with units: values of the model from the file's to the one found, with interval; the clearest changes first.
+    /// Sizes with units and 90 % intervals: values of the model from the file's to the one found, the largest changes first.
     fn action_sizes(&self, cause: &Cause) -> Vec<String> {
-        let figures = self.figures.iter().flat_map(|figures| &figures.parameters);
-        let mut values: Vec<&Parameter> = figures
-            .filter(|p| cause.magnitude.contains_key(&p.name) && p.found.is_some() && p.found != p.given)
-            .collect();
-        values.sort_by(|a, b| b.clearness().total_cmp(&a.clearness()));
+        let sized = |name: &String, value: f64| {
+            let ends = cause.magnitude_interval.get(name).filter(|[low, high]| low < high);
+            let ends =
+                ends.map_or_else(String::new, |[low, high]| format!(" [{}, {}]", figure(*low, 3), figure(*high, 3)));
+            format!("{}{ends}", figure(value, 3))
+        };
+        let known = || cause.magnitude.iter().filter_map(|(name, value)| Some((name, (*value)?)));
+        let parameters = || self.figures.iter().flat_map(|figures| &figures.parameters);
+        let changed = |(name, value): (&String, f64)| {
+            let parameter = parameters().find(|p| p.name == *name)?;
+            (parameter.given != Some(value)).then_some((parameter, value))
+        };
+        let mut values: Vec<(&Parameter, f64)> = known().filter_map(changed).collect();
         if values.is_empty() {
-            let known = cause.magnitude.iter().filter_map(|(name, value)| Some((name, (*value)?)));
-            // Masses before where they are.
-            let (masses, others): (Vec<_>, Vec<_>) = known.partition(|(name, _)| name.as_str() == "mass_kg");
+            // What persists before peaks, masses before where they are.
+            let is_first = |name: &String| ["mass_kg", "steady_N"].contains(&name.as_str());
+            let (first, others): (Vec<_>, Vec<_>) = known().partition(|(name, _)| is_first(name));
             let one = |(name, value): (&String, f64)| {
-                let value = figure(value, 3);
+                let value = sized(name, value);
                 if let Some(what) = FACTORS.iter().find_map(|(factor, what)| (factor == name).then_some(what)) {
                     return format!("{what} {value} times the file's");
                 }
-                let (name, unit) = quantity_of(name, &cause.joints, self);
-                format!("{name} {value} {unit}").trim_end().to_owned()
+                let (label, unit) = quantity_of(name, &cause.joints, self);
+                format!("{label} {value} {unit}").trim_end().to_owned()
             };
-            return masses.into_iter().chain(others).map(one).collect();
+            return first.into_iter().chain(others).map(one).collect();
+        }
+        // Changes in one unit compare; others by how clear they are.
+        let change = |(parameter, value): &(&Parameter, f64)| (value - parameter.given.unwrap_or(0.0)).abs();
+        if values.iter().all(|(parameter, _)| parameter.unit == values[0].0.unit) {
+            values.sort_by(|a, b| change(b).total_cmp(&change(a)));
+        } else {
+            values.sort_by(|a, b| b.0.clearness().total_cmp(&a.0.clearness()));
         }
         let more = values.len().saturating_sub(VALUES);
-        let one = |p: &&Parameter| {
-            let given = p.given.map_or_else(String::new, |given| format!("{} \u{2192} ", figure(given, 3)));
-            let ends = p.low.zip(p.high).filter(|(low, high)| low < high);
-            let ends = ends.map_or_else(String::new, |(low, high)| interval(low, high));
-            format!("{} {given}{}{ends} {}", p.name, figure(p.found.unwrap_or(f64::NAN), 3), printed_unit(&p.unit))
-                .trim_end()
-                .to_owned()
+        let one = |(parameter, value): &(&Parameter, f64)| {
+            let given = parameter.given.map_or_else(String::new, |given| format!("{} \u{2192} ", figure(given, 3)));
+            let unit = printed_unit(&parameter.unit);
+            // "Set rotor inertia of wrist" has said whose it is.
+            let label = Some(parameter_label(parameter, self)).filter(|label| cause.joints != [label.as_str()]);
+            let label = label.unwrap_or_default();
+            format!("{label} {given}{} {unit}", sized(&parameter.name, *value)).trim().to_owned()
         };
         let listed = values.iter().take(VALUES).map(one);
         listed.chain((more > 0).then(|| format!("{more} more in the table of parameters"))).collect()
@@ -94,19 +115,23 @@ impl Document {
         let (joint, before, after) = joints.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
         let kept =
             joints.iter().max_by(|a, b| a.2.total_cmp(&b.2)).filter(|(name, _, most)| name != joint && *most > KEEPS);
-        let kept = kept.map_or_else(String::new, |(name, _, most)| format!("; {name} keeps {}", figure(*most, 2)));
+        let kept = kept.map_or_else(String::new, |(name, _, most)| format!("; {name} still {}", figure(*most, 2)));
+        let touched =
+            if self.causes.iter().any(is_contact) { " The contact stays in it: no model holds it." } else { "" };
         let motion = format!(
-            "Residual in motion over the noise, {joint}: {} \u{2192} {}{kept}.",
+            "Residual in motion over the noise, {joint}: {} \u{2192} {}{}{kept}.{touched}",
             figure(*before, 2),
-            figure(*after, 2)
+            figure(*after, 2),
+            worse(*before, *after)
         );
         let end = self.rollout.as_ref().and_then(|rollout| rollout.points.last());
         let simulator = end.map_or_else(String::new, |end| {
             format!(
-                " Simulator in closed loop after {} s: {} \u{2192} {} mrad.",
+                " Simulator in closed loop after {} s: {} \u{2192} {} mrad{}.",
                 end.horizon_s,
                 distance(end.position_before_rad),
-                distance(end.position_after_rad)
+                distance(end.position_after_rad),
+                worse(end.position_before_rad, end.position_after_rad)
             )
         });
         Some(motion + &simulator)
@@ -119,14 +144,14 @@ impl Document {
     }
 }
 
+/// That the causes made a figure larger, where its three digits show it.
+fn worse(before: f64, after: f64) -> &'static str {
+    if after > WORSE * before { " (worse)" } else { "" }
+}
+
 /// Distance of a simulator from the arm \[mrad\]: beyond [`LOST`] the figure means nothing.
 fn distance(rad: f64) -> String {
     if rad > LOST { format!("more than {:.0}", 1e3 * LOST) } else { figure(1e3 * rad, 3) }
-}
-
-/// The 90 % interval behind a figure.
-fn interval(low: f64, high: f64) -> String {
-    format!(" [{}, {}]", figure(low, 3), figure(high, 3))
 }
 
 /// Confidence, and how often names of such confidence were right on blind cases, where there are enough of them.
@@ -164,13 +189,14 @@ mod tests {
 
     #[test]
     fn an_effect_is_added_with_its_sizes_and_how_often_such_names_were_right() {
-        let friction = of("stribeck_friction", &["elbow"], &json!({"strength_Nm": 1.47, "velocity_rad_s": 0.081}));
+        let mut friction = of("stribeck_friction", &["elbow"], &json!({"strength_Nm": 1.47, "velocity_rad_s": 0.081}));
+        friction["magnitude_interval"] = json!({"strength_Nm": [1.4, 1.55]});
         let bin = |count: usize, right: usize| Bin { from: 0.9, to: 0.97, count, right, mean: 0.93 };
         let scores = |count, right| vec![Score { confidence: vec![bin(count, right)], ..Score::default() }; 2];
         let said = |count, right| actions(std::slice::from_ref(&friction), &[], &scores(count, right)).concat();
         let known = said(30, 29);
         assert!(
-            known.starts_with("Add stribeck friction to elbow: strength 1.47 N m, velocity 0.0810 rad/s."),
+            known.starts_with("Add stribeck friction to elbow: strength 1.47 [1.40, 1.55] N m, velocity 0.0810 rad/s."),
             "{known}"
         );
         assert!(
@@ -186,10 +212,11 @@ mod tests {
             "high": 0.67, "state": "pinned", "wrong": true});
         let figures =
             json!({"floor": [], "stages": [], "parameters": [parameter], "excerpts": [], "left": [], "power": []});
-        let rotor = of("rotor_inertia", &["wrist"], &json!({"j4.rotor_inertia": 0.65}));
+        let mut rotor = of("rotor_inertia", &["wrist"], &json!({"j4.rotor_inertia": 0.651}));
+        rotor["magnitude_interval"] = json!({"j4.rotor_inertia": [0.63, 0.67]});
         let said = actions(&[rotor], &[("figures", figures)], &[]).concat();
         assert!(
-            said.starts_with("Set rotor inertia of wrist: j4.rotor_inertia 0.500 → 0.650 [0.630, 0.670] kg m²."),
+            said.starts_with("Set rotor inertia of wrist: j4.rotor_inertia 0.500 → 0.651 [0.630, 0.670] kg m²."),
             "{said}"
         );
     }
@@ -221,7 +248,7 @@ mod tests {
         let line = found.result_line().expect("a line");
         assert_eq!(
             line,
-            "Residual in motion over the noise, a: 14 → 1.1; b keeps 2.4. Simulator in closed loop after 1 s: 141 → 0.370 mrad."
+            "Residual in motion over the noise, a: 14 → 1.1; b still 2.4. Simulator in closed loop after 1 s: 141 → 0.370 mrad."
         );
     }
 }

@@ -174,6 +174,10 @@ pub struct Cause {
     pub joints: Vec<String>,
     /// Its size.
     pub magnitude: Magnitude,
+    /// 90 % intervals of sizes, by the same names: over resampled blocks of the training logs and over the posterior. Inner values
+    /// (a velocity, an order) and forces that come and go have none.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub magnitude_interval: BTreeMap<String, [f64; 2]>,
     /// How far the gap shrinks.
     pub shrink: Shrink,
     /// Share of the squared gap on the training logs, independent of the order of causes (Shapley value of the explained variance); null for

@@ -293,6 +293,10 @@ impl Document {
         let nothing_missing = self.verdict == "no_gap";
         if let Some(share) = self.unexplained_share.filter(|s| *s >= WORTH_NAMING && !nothing_missing) {
             open.push(match (self.is_fitted(), self.verdict.as_str()) {
+                _ if self.causes.iter().any(is_contact) => format!(
+                    "{:.0} % of the squared gap above the noise stays, the contact's torque with it: no model holds that",
+                    100.0 * share
+                ),
                 (true, "unexplained") => format!(
                     "{:.0} % of the squared gap above the noise stays unexplained, at rest or at reversals: in motion the joints \
                      reach the noise floor",

@@ -2,7 +2,7 @@
 
 use rivet_diagnosis::{Effect, Kind};
 
-use crate::document::{Document, Number};
+use crate::document::{Document, Number, Parameter};
 
 pub use crate::terms::effect;
 
@@ -88,6 +88,28 @@ pub fn quantity(name: &str, document: &Document) -> (String, String) {
         return ("time".to_owned(), "s".to_owned());
     }
     (name.replace('_', " "), String::new())
+}
+
+/// A value of the model in words: the joint's name for a drive, "link 3 first moment x" for a body; its own name where the document does
+/// not name the joint.
+pub(crate) fn parameter_label(parameter: &Parameter, document: &Document) -> String {
+    let own = parameter.name.as_str();
+    let Some((place, entry)) = own.split_once('.') else { return own.to_owned() };
+    let number = place.get(1..).and_then(|number| number.parse::<usize>().ok());
+    let joint = number.and_then(|k| document.gap.per_joint.get(k.checked_sub(1)?));
+    match (place.chars().next(), number, joint) {
+        (Some('j'), Some(_), Some(joint)) => joint.joint.clone(),
+        (Some('l'), Some(link), Some(_)) => {
+            let what = match (entry, entry.strip_prefix("mc"), entry.strip_prefix('I')) {
+                ("m", ..) => "mass".to_owned(),
+                (_, Some(axis), _) => format!("first moment {axis}"),
+                (_, _, Some(axes)) => format!("inertia {axes}"),
+                _ => entry.to_owned(),
+            };
+            format!("link {link} {what}")
+        }
+        _ => own.to_owned(),
+    }
 }
 
 /// A unit as it is printed: `kg m^2` is "kg m²".

@@ -11,7 +11,7 @@ pub enum Format {
     Model,
     /// `robot.urdf`.
     Urdf,
-    /// `robot.xml`, for MuJoCo 4.
+    /// `robot.xml`, for MuJoCo 3.3 and later.
     Mjcf,
 }
 
@@ -53,6 +53,8 @@ impl Fidelity {
 pub struct FormatItem {
     /// What, for people.
     pub what: String,
+    /// Whether it is an effect beside the model's values.
+    pub is_effect: bool,
     /// Whether the format has it.
     pub fidelity: Fidelity,
     /// Where it stands, or why it does not.
@@ -226,6 +228,10 @@ pub(crate) fn reports(found: &Carrying<'_>, given: &Carrying<'_>, measured: &[Ve
                 }
                 items.push(FormatItem {
                     what: part.what.clone(),
+                    is_effect: matches!(
+                        part.kind,
+                        PartKind::Effect(_) | PartKind::LoadFriction | PartKind::ViscousQuadratic
+                    ),
                     fidelity: if place.is_ok() { Fidelity::Exact } else { Fidelity::Missing },
                     place: place.unwrap_or_else(|why| why),
                     torque_rms: rms(&part.torque),

@@ -15,6 +15,7 @@ use std::sync::Arc;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use crate::numerics::elimination::{Eliminated, Stretch, eliminated};
+use crate::numerics::random::Random;
 
 /// Folds of successive blocks for held-out gains. What a candidate is asked it is asked fold by fold, so that its products
 /// are as many for a long log as for a short one.
@@ -334,6 +335,16 @@ impl Solved {
     /// Standard deviation of each coefficient: roots of the diagonal of `A⁻¹ = L⁻ᵀL⁻¹`.
     pub(crate) fn deviations(&self) -> Vec<f64> {
         self.factor.inverse().diagonal().iter().map(|v| v.max(0.0).sqrt()).collect()
+    }
+
+    /// Draws of deviations from the coefficients: `L⁻ᵀz`, z standard normal, whose covariance is `A⁻¹`.
+    pub(crate) fn deviations_drawn(&self, count: usize) -> Vec<DVector<f64>> {
+        let mut random = Random::new();
+        let mut one = || {
+            let z = DVector::from_fn(self.x.len(), |_, _| random.normal());
+            self.factor.l_dirty().tr_solve_lower_triangular(&z)
+        };
+        (0..count).filter_map(|_| one()).collect()
     }
 
     /// Covariance of the first `columns` coefficients.

@@ -49,6 +49,8 @@ pub(crate) struct Prediction {
     pub(crate) gaps: Vec<(f64, f64, f64)>,
     /// 90 % interval of each coefficient over the resamplings.
     pub(crate) coefficients: Vec<(f64, f64)>,
+    /// Deviations of the coefficients from their estimate, by resampling.
+    pub(crate) deviations: Vec<DVector<f64>>,
 }
 
 /// A model that was fitted to the training runs, step by step.
@@ -131,7 +133,7 @@ pub(crate) fn predict(
         .enumerate()
         .take(steps.len() - 1)
         .map(|(k, central)| {
-            let (low, high) = ends(&samples, k);
+            let (low, high) = ends_of(&samples, k);
             (*central, low.min(*central) - policy.widening, (high.max(*central) + policy.widening).min(1.0))
         })
         .collect();
@@ -142,22 +144,27 @@ pub(crate) fn predict(
         .iter()
         .enumerate()
         .map(|(k, central)| {
-            let (low, high) = ends(&gaps_again, k);
+            let (low, high) = ends_of(&gaps_again, k);
             // A shrink is a part of the gap before it.
             let wider = wider * first[k.saturating_sub(1)];
             (*central, (low.min(*central) - wider).max(0.0), high.max(*central) + wider)
         })
         .collect();
-    let coefficients = (0..x.len()).map(|k| ends(&x_again, k)).collect();
-    Some(Prediction { shrink, wider, of_another_kind, gaps, coefficients })
+    let coefficients = (0..x.len()).map(|k| ends_of(&x_again, k)).collect();
+    let deviations = x_again.into_iter().map(|again| DVector::from_vec(again) - x).collect();
+    Some(Prediction { shrink, wider, of_another_kind, gaps, coefficients, deviations })
 }
 
 /// Ends of the interval of entry `k` over the resamplings.
-fn ends(samples: &[Vec<f64>], k: usize) -> (f64, f64) {
-    let mut draws: Vec<f64> = samples.iter().map(|s| s[k]).collect();
+fn ends_of(samples: &[Vec<f64>], k: usize) -> (f64, f64) {
+    ends(samples.iter().map(|s| s[k]).collect()).unwrap_or((f64::NAN, f64::NAN))
+}
+
+/// Ends of the 90 % interval of draws; none without draws.
+pub(crate) fn ends(mut draws: Vec<f64>) -> Option<(f64, f64)> {
     draws.sort_by(f64::total_cmp);
-    let end = |share: f64| draws[((draws.len() - 1) as f64 * share).round() as usize];
-    (end(POLICY.prediction.tail), end(1.0 - POLICY.prediction.tail))
+    let end = |share: f64| draws.get((draws.len().saturating_sub(1) as f64 * share).round() as usize).copied();
+    end(POLICY.prediction.tail).zip(end(1.0 - POLICY.prediction.tail))
 }
 
 /// Squares and rows of a block's residual, `[joint][speed]`.

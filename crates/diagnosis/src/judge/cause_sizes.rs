@@ -9,7 +9,9 @@ use crate::effects::external_force::Force;
 use crate::effects::physical_bounds::{self, Impossible};
 use crate::effects::{Effect, Kind};
 use crate::fit::evidence::Solved;
+use crate::fit::prediction::ends;
 use crate::fit::search::Search;
+use crate::judge::fitted_steps::FittedSteps;
 use crate::judge::procedure::{Procedure, Step};
 use crate::report::diagnosis::{Cause, Diagnosis, Verdict};
 use crate::select::adopted::{self, Adopted};
@@ -45,9 +47,10 @@ impl Procedure<'_> {
         report: &mut Diagnosis,
         search: &mut Search<'_>,
         wrong: &Wrong,
-        steps: &[Step],
+        fit: &FittedSteps<'_>,
         upheld: &[bool],
     ) -> Option<Sized> {
+        let FittedSteps { steps, deviations, .. } = fit;
         let steps_that =
             |stands: bool| steps.iter().zip(upheld).filter(move |(_, u)| **u == stands).map(|(step, _)| step);
         for adopted in steps_that(false).flat_map(|step| &step.adopted) {
@@ -70,7 +73,8 @@ impl Procedure<'_> {
         let names = self.names();
         for (cause, step) in report.causes.iter_mut().zip(&standing) {
             let confirmed = step.on_drives(&self.nominal.model.parameters, |j| cause.joints.contains(&names[j]));
-            cause.magnitude = self.magnitude(search, &confirmed, &solved);
+            cause.magnitude = self.magnitude(search, &confirmed, &solved.x, &solved.stretches);
+            cause.intervals = self.intervals(search, &confirmed, &solved, deviations);
         }
         let named = !report.causes.is_empty();
         self.withdraw(report, wrong, &standing, &refused);
@@ -167,10 +171,16 @@ impl Procedure<'_> {
         report.causes.retain(|_| kept_causes.next() == Some(true));
     }
 
-    /// Sizes of all that a step adds as it was `solved`.
-    pub(crate) fn magnitude(&self, search: &Search<'_>, step: &Step, solved: &Solved) -> Vec<(String, f64)> {
-        let (model, x) = (&self.nominal.model, &solved.x);
-        let standard = self.standard(std::slice::from_ref(step), solved);
+    /// Sizes of all that a step adds, with the coefficients `x` of the design and `stretches`.
+    pub(crate) fn magnitude(
+        &self,
+        search: &Search<'_>,
+        step: &Step,
+        x: &DVector<f64>,
+        stretches: &[DVector<f64>],
+    ) -> Vec<(String, f64)> {
+        let model = &self.nominal.model;
+        let standard = adopted::standard(self.nominal, x, &step.adopted);
         // Of a body's ten values some are in no joint's torque and stay as given.
         let changed_columns =
             step.columns.iter().filter(|c| self.nominal.x.get(**c).is_some_and(|given| *given != standard[**c]));
@@ -182,7 +192,7 @@ impl Procedure<'_> {
         let several = sizes.len() + step.adopted.len() > 1;
         for adopted in &step.adopted {
             let mut c: Vec<f64> = if adopted.form.has_stretches() {
-                solved.stretches.iter().flatten().copied().collect()
+                stretches.iter().flatten().copied().collect()
             } else {
                 adopted.coefficients(x)
             };
@@ -202,15 +212,43 @@ impl Procedure<'_> {
             }
             if let Some(force @ Force { moment, .. }) = adopted.form.get() {
                 if force.has_size(search.floor.len()) {
-                    let steady = search.steady_force(&solved.stretches, *moment).map(|of_burst| of_burst.norm());
+                    let steady = search.steady_force(stretches, *moment).map(|of_burst| of_burst.norm());
                     sizes.push(("steady_N".to_owned(), steady.fold(0.0, f64::max)));
                 }
-                let torque = search.design.local_torque(&solved.stretches);
+                let torque = search.design.local_torque(stretches);
                 let largest = torque.iter().flatten().flatten().fold(0.0, |most: f64, t| most.max(t.abs()));
                 sizes.push(("largest_joint_Nm".to_owned(), largest));
             }
         }
         sizes
+    }
+
+    /// 90 % interval of each size, with its name: over each set of `deviations` of the coefficients from their estimate, and around all.
+    /// Sizes that the coefficients do not decide have none.
+    fn intervals(
+        &self,
+        search: &Search<'_>,
+        step: &Step,
+        solved: &Solved,
+        deviations: &[Vec<DVector<f64>>],
+    ) -> Vec<(String, [f64; 2])> {
+        let mut intervals: Vec<(String, [f64; 2])> = self
+            .magnitude(search, step, &solved.x, &solved.stretches)
+            .into_iter()
+            .map(|(name, size)| (name, [size, size]))
+            .collect();
+        for set in deviations {
+            let sizes = |d: &DVector<f64>| self.magnitude(search, step, &(&solved.x + d), &solved.stretches);
+            let drawn: Vec<Vec<(String, f64)>> = set.iter().map(sizes).collect();
+            for (name, [low, high]) in &mut intervals {
+                let draws = drawn.iter().flatten().filter(|(of, _)| of == name).map(|(_, size)| *size).collect();
+                if let Some((from, to)) = ends(draws) {
+                    (*low, *high) = (low.min(from), high.max(to));
+                }
+            }
+        }
+        intervals.retain(|(_, [low, high])| low < high && low.is_finite() && high.is_finite());
+        intervals
     }
 }
 

@@ -31,6 +31,9 @@ pub(crate) struct FittedSteps<'a> {
     pub(crate) seen: Vec<RunColumns<'a>>,
     /// The held-out run with them.
     pub(crate) hidden: RunColumns<'a>,
+    /// Deviations of the coefficients from their estimate: over resampled blocks of the runs, and over the posterior. Empty before the
+    /// prediction.
+    pub(crate) deviations: Vec<Vec<DVector<f64>>>,
 }
 
 impl<'a> FittedSteps<'a> {
@@ -59,16 +62,20 @@ impl<'a> FittedSteps<'a> {
         let hidden = columns(nominal, procedure.sealed, adopted, None);
         let remainder = remainder(search, &steps);
         let (steps, order) = in_order(&seen, steps, &remainder, nominal, &solved.x, &means);
-        Some(FittedSteps { nominal, solved, steps, order, means, seen, hidden })
+        Some(FittedSteps { nominal, solved, steps, order, means, seen, hidden, deviations: Vec::new() })
     }
 
     /// Predicts the gap of the held-out run after each step.
-    pub(crate) fn predict(&self, search: &Search<'_>) -> Option<Prediction> {
+    pub(crate) fn predict(&mut self, search: &Search<'_>) -> Option<Prediction> {
         // The motion does not tell when contact comes: on the held-out run it is part of what is left.
         let silent: Vec<usize> =
             self.steps.iter().filter(|s| s.effect.about().is_intermittent).flat_map(|s| s.columns.clone()).collect();
         let fitted = Fitted { nominal: &self.nominal.x, steps: &self.order, x: &self.solved.x, means: &self.means };
-        predict(search, &self.seen, &self.hidden, &fitted, &silent)
+        let prediction = predict(search, &self.seen, &self.hidden, &fitted, &silent)?;
+        // Errors of the file are as large as they came out, and no smaller than they usually are.
+        let posterior = search.solved(search.scale.max(1.0))?.deviations_drawn(prediction.deviations.len());
+        self.deviations = vec![prediction.deviations.clone(), posterior];
+        Some(prediction)
     }
 
     /// Models from the nominal one to that with all steps along a run.

@@ -260,6 +260,7 @@ fn tell(procedure: &Procedure<'_>, told: Otherwise, share: f64, alike: Vec<(Effe
         effect: told.effect(),
         joints,
         magnitude: told.magnitude(&Vector3::from(nominal.model.arm.gravity)),
+        intervals: Vec::new(),
         shrink: Shrink { predicted, low, high, measured },
         share: Some(1.0),
         p_value: None,

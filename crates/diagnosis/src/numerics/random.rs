@@ -14,4 +14,10 @@ impl Random {
         let value = self.0.wrapping_mul(0x2545_F491_4F6C_DD1D) >> 33;
         value as usize % n.max(1)
     }
+
+    /// A standard normal number: twelve uniform ones less their mean.
+    pub(crate) fn normal(&mut self) -> f64 {
+        const STEPS: usize = 1 << 20;
+        (0..12).map(|_| self.below(STEPS) as f64 / STEPS as f64).sum::<f64>() - 6.0
+    }
 }

@@ -67,6 +67,9 @@ pub struct Cause {
     pub joints: Vec<String>,
     /// Size, by name with unit.
     pub magnitude: Vec<(String, f64)>,
+    /// 90 % interval of sizes, by the same names: over resampled blocks of the runs and over the posterior of the coefficients. Inner
+    /// values (a velocity, an order) and forces that come and go have none.
+    pub intervals: Vec<(String, [f64; 2])>,
     /// How far the gap shrinks.
     pub shrink: Shrink,
     /// Of the squared gap on the runs looked at, whatever the order of causes (Shapley value of the explained variance); none for a hint.
@@ -95,6 +98,7 @@ impl Cause {
             effect,
             joints,
             magnitude: Vec::new(),
+            intervals: Vec::new(),
             shrink: Shrink { predicted: f64::NAN, low: f64::NAN, high: f64::NAN, measured: f64::NAN },
             share: None,
             p_value: None,

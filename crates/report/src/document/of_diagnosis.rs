@@ -129,6 +129,7 @@ impl Cause {
             effect: cause.effect.name().to_owned(),
             joints: cause.joints.clone(),
             magnitude: cause.magnitude.iter().map(|(name, value)| (name.clone(), number(*value))).collect(),
+            magnitude_interval: cause.intervals.iter().cloned().collect(),
             shrink: Shrink {
                 predicted: number(cause.shrink.predicted),
                 low: number(cause.shrink.low),

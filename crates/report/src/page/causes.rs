@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use super::html::{Table, escape, facts, figure as framed};
 use super::plot::{Axis, Plot};
 use crate::document::is_contact;
-use crate::document::{Cause, Curve, Document, Excerpt, Figures};
+use crate::document::{Cause, Curve, Document, Excerpt, Figures, Point};
 use crate::verdict::OTHER_CONTACT;
 use crate::words::{figure, joints, list, percent, quantity_of, rival};
 
@@ -13,6 +13,11 @@ const WIDTH: f64 = 340.0;
 const HEIGHT: f64 = 230.0;
 /// Sizes listed beside a cause; more are folded away.
 const FEW: usize = 6;
+/// Causes that are not folded.
+const MOST_OPEN: usize = 2;
+/// A friction curve is drawn up to this many times the velocity at which it bends, where so many points lie there.
+const BEND_VELOCITIES: f64 = 5.0;
+const FEWEST_AT_THE_BEND: usize = 6;
 /// Chance below which the residual alone decided.
 const SURE: f64 = 0.05;
 
@@ -32,9 +37,12 @@ pub(super) fn causes(document: &Document) -> String {
         out += KEY;
     }
     for (k, cause) in document.causes.iter().enumerate() {
-        let _ = writeln!(out, "<article><h3>{}. {}</h3>", k + 1, escape(&title(cause, document)));
-        out += &body(cause, document);
-        out += "</article>\n";
+        let (title, body) = (escape(&title(cause, document)), body(cause, document));
+        let _ = if k < MOST_OPEN {
+            writeln!(out, "<article><h3>{}. {title}</h3>{body}</article>", k + 1)
+        } else {
+            writeln!(out, "<details><summary>{}. {title}</summary>{body}</details>", k + 1)
+        };
     }
     if !document.hints.is_empty() {
         let mut names: Vec<String> = document.hints.iter().map(Cause::word).collect();
@@ -145,7 +153,11 @@ fn body(cause: &Cause, document: &Document) -> String {
 
 /// Residual with and without the cause against the quantity in which it shows.
 fn shown(cause: &Cause, curve: &Curve) -> String {
-    let points = &curve.points;
+    let bend = cause.magnitude.get("velocity_rad_s").copied().flatten().map(|v| BEND_VELOCITIES * v);
+    let about_bend =
+        |most: f64| -> Vec<Point> { curve.points.iter().filter(|p| p.at.abs() <= most).cloned().collect() };
+    let near = bend.map(about_bend).filter(|near| near.len() >= FEWEST_AT_THE_BEND);
+    let points = near.as_ref().unwrap_or(&curve.points);
     let x = Axis::around(points.iter().map(|p| p.at), false);
     let values = points.iter().flat_map(|p| [p.without, p.with, p.spread[0], p.spread[1]]);
     let y = Axis::around(values, true);
@@ -156,7 +168,7 @@ fn shown(cause: &Cause, curve: &Curve) -> String {
         plot.dot(p.at, p.without);
     }
     plot.line(points.iter().map(|p| (p.at, p.with)), "found");
-    let mean = |f: &dyn Fn(&crate::Point) -> f64| {
+    let mean = |f: &dyn Fn(&Point) -> f64| {
         let (square, rows) = points.iter().fold((0.0, 0.0), |(s, n), p| {
             let rows = p.rows as f64;
             (s + rows * f(p).powi(2), n + rows)
@@ -214,16 +226,29 @@ fn excerpts(document: &Document) -> String {
     if others.is_empty() {
         return String::new();
     }
-    let mut out = String::from(
-        "<h3>Torque, measured and modelled</h3><p class=\"key\"><span><i class=\"k-measured\"></i>measured</span>\
-         <span><i class=\"k-given\"></i>nominal model</span><span><i class=\"k-found\"></i>with causes</span></p>\n\
-         <div class=\"figures wide\">",
+    let mut out = format!(
+        "<details><summary>Torque of the other joints, measured and modelled</summary>{}<div class=\"figures wide\">",
+        key(document)
     );
     for excerpt in others {
-        out += &stretch(excerpt);
+        out += &stretch(excerpt, "", document);
     }
-    out += "</div>\n";
+    out += "</div></details>\n";
     out
+}
+
+/// What the lines of measured and modelled signals are.
+pub(super) fn key(document: &Document) -> String {
+    format!(
+        "<p class=\"key\"><span><i class=\"k-measured\"></i>measured</span>\
+         <span><i class=\"k-given\"></i>nominal model</span><span><i class=\"k-found\"></i>{}</span></p>\n",
+        corrected(document)
+    )
+}
+
+/// The model that is compared with the nominal one.
+fn corrected(document: &Document) -> &'static str {
+    if document.causes.is_empty() { "parameters refitted" } else { "with causes" }
 }
 
 /// The excerpt of the joint that is furthest off in motion, over its noise: of those of the first cause, where it has joints.
@@ -240,7 +265,8 @@ pub(super) fn worst<'a>(document: &Document, figures: &'a Figures) -> Option<&'a
     furthest(&|excerpt| named.contains(&excerpt.joint)).or_else(|| furthest(&|_| true))
 }
 
-pub(super) fn stretch(e: &Excerpt) -> String {
+/// Torque of a stretch of the held-out log; `why` it is shown follows the joint's name.
+pub(super) fn stretch(e: &Excerpt, why: &str, document: &Document) -> String {
     let time = |k: usize| e.from_s + e.step_s * k as f64;
     let x = Axis::fixed(time(0), time(e.measured.len().saturating_sub(1)));
     let y = Axis::around(e.measured.iter().chain(&e.given).chain(&e.with_causes).copied(), false);
@@ -253,9 +279,10 @@ pub(super) fn stretch(e: &Excerpt) -> String {
         (square / e.measured.len().max(1) as f64).sqrt()
     };
     let said = format!(
-        "{}, where the nominal model is furthest off: residual {} N m rms, with causes {} N m",
+        "{}{why}: residual {} N m rms, {} {} N m",
         e.joint,
         figure(rms(&e.given), 3),
+        corrected(document),
         figure(rms(&e.with_causes), 3)
     );
     framed(&plot.svg("time in the held-out log [s]", "torque [N m]", &said), &(said.clone() + "."))

@@ -1,6 +1,6 @@
 //! The top of the page: what to do, what it brings, and two pictures of it.
 
-use super::causes::{stretch, worst};
+use super::causes::{key, stretch, worst};
 use super::html::{escape, figure as framed};
 use super::plot::{Axis, Plot};
 use crate::document::Document;
@@ -9,22 +9,27 @@ use crate::scores::Score;
 use crate::verdict::Line;
 use crate::words::figure;
 
-const KEY: &str = "<p class=\"key\"><span><i class=\"k-measured\"></i>measured</span>\
-                   <span><i class=\"k-given\"></i>nominal model</span><span><i class=\"k-found\"></i>with causes</span></p>\n";
+/// Lines of what to do that stand before the pictures: with more, those are below the first screen (1280 x 800).
+const MOST_BEFORE_PICTURES: usize = 3;
 
 pub(super) fn top(document: &Document, scores: &[Score]) -> String {
     let (behind, answer): (Vec<Line>, Vec<Line>) = document.lines(scores).into_iter().partition(|line| line.detail);
+    let (answer, open): (Vec<Line>, Vec<Line>) =
+        answer.into_iter().partition(|line| !["Next", "Not covered"].contains(&line.head));
+    let (todo, result): (Vec<Line>, Vec<Line>) = answer.into_iter().partition(|line| line.head == "Do");
+    let (first, more) = todo.split_at(todo.len().min(MOST_BEFORE_PICTURES));
     let list = |lines: &[Line]| {
         let each = |line: &Line| format!("<dt>{}</dt><dd>{}</dd>", line.head, escape(&line.text));
         lines.iter().map(each).collect::<String>()
     };
-    let torque = document.figures.as_ref().and_then(|figures| worst(document, figures)).map(stretch);
+    let torque = document.figures.as_ref().and_then(|figures| worst(document, figures));
+    let torque = torque.map(|excerpt| stretch(excerpt, ", where the nominal model is furthest off", document));
     let rollout = document.rollout.as_ref().filter(|rollout| rollout.points.len() > 1).map(errors);
     let pictures: String = [torque, rollout].into_iter().flatten().collect();
     let pictures = if pictures.is_empty() {
         String::new()
     } else {
-        format!("{KEY}<div class=\"figures wide\">{pictures}</div>\n")
+        format!("{}<div class=\"figures wide\">{pictures}</div>\n", key(document))
     };
     let behind = if behind.is_empty() {
         String::new()
@@ -34,7 +39,15 @@ pub(super) fn top(document: &Document, scores: &[Score]) -> String {
             "<details><summary>Cause, gap, place and shrink in figures</summary><dl class=\"verdict\">{lines}</dl></details>\n"
         )
     };
-    format!("<dl class=\"verdict\" aria-label=\"Verdict\">{}</dl>\n{pictures}{behind}", list(&answer))
+    let more = if more.is_empty() {
+        String::new()
+    } else {
+        let lines = list(more);
+        format!("<details><summary>{} more to do</summary><dl class=\"verdict\">{lines}</dl></details>\n", more.len())
+    };
+    let before = list(&[first, &result].concat());
+    let open = if open.is_empty() { String::new() } else { format!("<dl class=\"verdict\">{}</dl>\n", list(&open)) };
+    format!("<dl class=\"verdict\" aria-label=\"Verdict\">{before}</dl>\n{pictures}{more}{open}{behind}")
 }
 
 /// Error of both simulators by time since the start.
