@@ -96,3 +96,70 @@ fn load_friction<'a>(robot: &Robot, names: &'a [String]) -> impl Iterator<Item =
         format!("    (\"load_dependent_friction\", {name:?}, lambda q, v, s, load: {ratio:?} * s * abs(load)),\n")
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+    use std::process::Command;
+
+    use rivet_dynamics::{friction_sign, own_torque};
+
+    use super::*;
+
+    const EFFECTS: &str = "\n[effects.friction_asymmetry]\ncoulomb = [0.5, 0]\nviscous = [0.1, 0]\n\
+        [effects.stribeck_friction]\nexcess = [0, 1.47]\nvelocity = [1, 0.081]\n\
+        [effects.position_dependent_friction]\ncosine = [0.3, 0]\nsine = [-0.2, 0]\norder = [2, 1]\n\
+        [effects.torque_ripple]\ncosine = [0, 0.6]\nsine = [0, 0.1]\norder = [1, 24]\n\
+        [effects.joint_spring]\nstiffness = [-3, 8]\n\
+        [effects.counterbalance]\nlever = [20, 0]\nfree_length = [-5, 0]\narm = [0.3, 0]\nphase = [0.2, 0]\n\
+        [effects.transport_delay]\ndelay = [0.002, 0.002]\n";
+
+    fn robot(effects: &str) -> Robot {
+        let folder = tempfile::tempdir().expect("a folder");
+        let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../robots/dd2");
+        std::fs::copy(source.join("robot.urdf"), folder.path().join("robot.urdf")).expect("a description");
+        let text = std::fs::read_to_string(source.join("robot.toml")).expect("a robot file");
+        let file = folder.path().join("robot.toml");
+        std::fs::write(&file, text + effects).expect("a robot file");
+        rivet_config::load(&file).expect("a valid robot file")
+    }
+
+    #[test]
+    fn an_arm_without_such_torques_needs_no_module() {
+        assert_eq!(module(&robot("")), None);
+        assert_eq!(module(&robot("\n[effects.joint_spring]\nstiffness = [0, 8]\n")), None, "MJCF has stiffness");
+    }
+
+    /// What Python computes is what the model computes.
+    #[test]
+    fn the_module_has_the_torques_of_the_model() {
+        let robot = robot(EFFECTS);
+        let folder = tempfile::tempdir().expect("a folder");
+        std::fs::write(folder.path().join(FILE), module(&robot).expect("a module")).expect("a file");
+        let (q, v, load) = (0.7, -0.05, 12.5);
+        let script = format!(
+            "import mujoco_forces as m\nfor effect, joint, torque in m.FORCES:\n    \
+             print(effect, joint, repr(torque({q}, {v}, m.sign({v}), {load})))\n"
+        );
+        let python = std::env::var("RIVET_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+        let Ok(output) = Command::new(python).args(["-B", "-c", &script]).current_dir(folder.path()).output() else {
+            eprintln!("no Python; the module is not run");
+            return;
+        };
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let text = String::from_utf8(output.stdout).expect("text");
+        let s = friction_sign(v, robot.config.signal.friction_velocity);
+        let names = runs::joint_names(&robot);
+        let mut expected = 0;
+        for effect in robot.model.effects().list().iter().filter(|effect| torque(effect).is_some()) {
+            let line = text
+                .lines()
+                .find_map(|line| line.strip_prefix(&format!("{} {} ", effect.kind.name(), names[effect.joint])));
+            let found: f64 = line.expect("the effect").parse().expect("a number");
+            let own = own_torque(effect, s, load, q, v);
+            assert!((found - own).abs() < 1e-9 * own.abs().max(1.0), "{effect:?}: {found} for {own}");
+            expected += 1;
+        }
+        assert_eq!((text.lines().count(), expected), (6, 6), "{text}");
+    }
+}
