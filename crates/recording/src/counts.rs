@@ -105,17 +105,17 @@ impl Counts {
 mod tests {
     use super::*;
 
-    fn origin(publisher: u128, number: u64) -> Option<Origin> {
-        Some(Origin { publisher: Some(publisher), number })
+    fn origin(publisher: u128, number: u64) -> Origin {
+        Origin { publisher: Some(publisher), number }
     }
 
     #[test]
     fn numbers_that_never_came_are_counted_and_a_new_beginning_is_none() {
         let mut counter = Counter::new(["joint-state", "health"].into_iter());
         for number in [105, 106, 109, 109, 108, 110, 1, 2] {
-            counter.count(0, origin(7, number), true);
+            counter.count(0, Some(origin(7, number)), true);
         }
-        counter.count(0, origin(7, 3), false);
+        counter.count(0, Some(origin(7, 3)), false);
         counter.count(1, None, true);
         // The counts themselves belong to no service.
         counter.count(2, None, true);
@@ -132,7 +132,7 @@ mod tests {
         let missing = |messages: &[(u128, u64)]| {
             let mut counter = Counter::new(["parameters"].into_iter());
             for (publisher, number) in messages {
-                counter.count(0, origin(*publisher, *number), true);
+                counter.count(0, Some(origin(*publisher, *number)), true);
             }
             counter.counts(7, 0).of_service("parameters").expect("counted").missing
         };

@@ -113,7 +113,7 @@ mod tests {
         let mut reports = Vec::new();
         // 5 Hz for ten seconds, then quiet; looked at every 5 ms.
         for look in 0..3000_u64 {
-            let (at_ns, is_fault) = (look * 5 * MS, look >= 100 && look < 2100 && look % 40 < 20);
+            let (at_ns, is_fault) = (look * 5 * MS, (100..2100).contains(&look) && look % 40 < 20);
             if let Some(change) = held.take(&if is_fault { "frozen" } else { "none" }, at_ns) {
                 reports.push((at_ns / MS, change.value, change.alternation));
             }
