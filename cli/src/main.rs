@@ -84,9 +84,9 @@ enum Command {
     /// Send a command to a running rivetd: freeze, resume, reset, save, reload
     Control(control::Args),
     /// Connect an arm that speaks ROS 2 to rivetd, by DDS; the program rivet-ros2
-    Ros2(optional_program::Args),
+    Ros2(Box<rivet_service::Ros2Options>),
     /// Show a running robot in Foxglove, over WebSocket; the program rivet-view
-    View(optional_program::Args),
+    View(Box<rivet_service::ViewOptions>),
     /// Check this machine for real time, and print what to change
     Doctor(doctor::Args),
     /// Measure what the daemon's loop adds to the wake-up latency of cyclictest
@@ -147,8 +147,8 @@ fn main() -> ExitCode {
         Command::Check(args) => check::run(args),
         Command::Monitor(args) => monitor::run(args),
         Command::Control(args) => control::run(args),
-        Command::Ros2(args) => optional_program::ROS2.run(args),
-        Command::View(args) => optional_program::VIEW.run(args),
+        Command::Ros2(_) => optional_program::ROS2.run(),
+        Command::View(_) => optional_program::VIEW.run(),
         Command::Doctor(args) => doctor::run(args),
         Command::BenchLoop(args) => bench_loop::run(args),
         Command::Study(args) => study::run(args),

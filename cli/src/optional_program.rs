@@ -1,19 +1,10 @@
-//! Programs beside this one that are built apart: their command becomes the program.
+//! Programs beside this one that are built apart: their command becomes the program. Both have the same command line, which
+//! [`rivet_service`] defines.
 
-use std::ffi::OsString;
 use std::os::unix::process::CommandExt as _;
 use std::process::{Command, ExitCode};
 
 use anyhow::{Context as _, Result, bail};
-
-/// Arguments: all of them are the program's.
-#[derive(clap::Args)]
-#[command(disable_help_flag = true)]
-pub(crate) struct Args {
-    /// Robot file and options of the program; --help lists them
-    #[arg(value_name = "ROBOT.toml", trailing_var_arg = true, allow_hyphen_values = true)]
-    words: Vec<OsString>,
-}
 
 /// `rivet ros2` brings DDS.
 pub(crate) const ROS2: OptionalProgram = OptionalProgram { name: "rivet-ros2", folder: "crates/ros2" };
@@ -30,8 +21,9 @@ pub(crate) struct OptionalProgram {
 }
 
 impl OptionalProgram {
-    /// Replaces this process by the program of the same folder; returns only where that cannot be.
-    pub(crate) fn run(self, args: &Args) -> Result<ExitCode> {
+    /// Replaces this process by the program of the same folder, which reads the words behind the command again; returns only where
+    /// that cannot be.
+    pub(crate) fn run(self) -> Result<ExitCode> {
         let OptionalProgram { name, folder } = self;
         let this = std::env::current_exe().context("cannot find this program's own file")?;
         let program = this.with_file_name(name);
@@ -42,7 +34,7 @@ impl OptionalProgram {
             );
         }
         // It takes this process's place: signals and the exit code are its own.
-        let why = Command::new(&program).args(&args.words).exec();
+        let why = Command::new(&program).args(std::env::args_os().skip(2)).exec();
         Err(why).with_context(|| format!("cannot start {}", program.display()))
     }
 }

@@ -78,7 +78,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
             counted = Instant::now();
             let counts = recorder.counts(now_ns(), ports.foreign());
             line.draw(&status(&robot.config.name, seconds(span), &counts));
-            recorder.take(Received { at_ns: counts.stamp_ns, content: counts.into() });
+            recorder.take(Received::derived(counts.stamp_ns, counts.into()));
         }
         std::thread::sleep(TURN);
     }

@@ -1,6 +1,6 @@
 //! Text on standard output, in the columns of its terminal.
 
-use std::io::{ErrorKind, IsTerminal as _, Write as _};
+use std::io::IsTerminal as _;
 
 use ratatui::crossterm::terminal;
 pub(crate) use rivet_analysis::table::{Table, number, paragraph, paragraph_within};
@@ -14,14 +14,8 @@ pub(crate) fn fit_terminal() {
 
 /// Writes to standard output, with unsafe characters escaped. A reader that has seen enough (`| head`) is no failure.
 pub(crate) fn show(text: &str) -> std::io::Result<()> {
-    show_picture(&rivet_files::Printable(text).to_string())
+    rivet_files::print(&rivet_files::Printable(text).to_string())
 }
 
 /// The same for a picture that moves the terminal's cursor: its lines were made printable before.
-pub(crate) fn show_picture(text: &str) -> std::io::Result<()> {
-    let mut out = std::io::stdout().lock();
-    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        Err(why) if why.kind() == ErrorKind::BrokenPipe => Ok(()),
-        done => done,
-    }
-}
+pub(crate) use rivet_files::print as show_picture;

@@ -34,6 +34,18 @@ fn man_pages_and_completions_cover_the_commands() {
         assert!(page.starts_with(".ie") && page.contains(".SH OPTIONS"), "{command}: {page}");
         assert!(scripts.iter().all(|script| script.contains(command)), "{command}");
     }
+    // Programs that are built apart: their own options, and those that bridges share.
+    for (command, options) in
+        [("view", ["--layout", "--port", "--seconds"]), ("ros2", ["--domain", "--setpoint-type", "--seconds"])]
+    {
+        let page = read(&format!("man/man1/rivet-{command}.1")).replace('\\', "");
+        for option in options {
+            assert!(page.contains(option), "{command} {option}: {page}");
+            // In fish an option stands without its hyphens.
+            let known = scripts.iter().all(|script| script.contains(option.trim_start_matches('-')));
+            assert!(known, "{command} {option}");
+        }
+    }
     assert!(read("man/man1/rivet.1").contains("rivet\\-diagnose(1)"), "the first page names the others");
     assert!(read("man/man1/rivet-study-real.1").contains("rivet"), "commands of commands have pages too");
 }

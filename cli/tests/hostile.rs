@@ -141,6 +141,29 @@ fn standard_error_that_is_full_ends_nothing() {
     assert_eq!(run(&[Path::new("predict"), &robot, &log, Path::new("--out"), &out]), Some(0));
 }
 
+/// A result that could not be printed is a failure, whatever the command.
+#[test]
+fn standard_output_that_is_full_is_a_failure() {
+    let full = || fs::OpenOptions::new().write(true).open("/dev/full").expect("/dev/full");
+    let dir = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).expect("folder");
+    let (robot, log) = hostile_arm(dir.path());
+    let (json, copy) = (Path::new("--json"), dir.path().join("copy.npz"));
+    let runs: [&[&Path]; 5] = [
+        &[Path::new("check"), &robot],
+        &[Path::new("inspect"), &log, &robot, json],
+        &[Path::new("convert"), &log, &copy, &robot, json],
+        &[Path::new("doctor"), json],
+        &[Path::new("identify"), &robot, &log],
+    ];
+    for arguments in runs {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_rivet"));
+        let output = command.args(arguments).stdout(full()).output().expect("it runs");
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(said.contains("standard output cannot be written"), "{arguments:?}: {said}");
+        assert_eq!(output.status.code(), Some(74), "{arguments:?}: {said}");
+    }
+}
+
 #[test]
 fn nested_text_is_refused() {
     let dir = Path::new(env!("CARGO_TARGET_TMPDIR")).join("hostile");

@@ -64,6 +64,8 @@ fn program(word: &str) -> Option<&'static [&'static str]> {
         "rivetd" => Some(&["daemon"]),
         "rivet-controller" => Some(&["controller"]),
         "rivet-sim" => Some(&["sim"]),
+        "rivet-ros2" => Some(&["ros2"]),
+        "rivet-view" => Some(&["view"]),
         _ => None,
     }
 }

@@ -38,9 +38,12 @@ fn hands_words_and_exit_code_on() {
         std::fs::write(&other, "#!/bin/sh\necho \"$0 $@\"\nexit 65\n").expect("written");
         std::fs::set_permissions(&other, std::fs::Permissions::from_mode(0o755)).expect("set");
         let output =
-            Command::new(&program).args([command, "robot.toml", "--json", "--help"]).output().expect("it runs");
-        let expected = format!("{} robot.toml --json --help\n", other.display());
+            Command::new(&program).args([command, "robot.toml", "--json", "--seconds=7"]).output().expect("it runs");
+        let expected = format!("{} robot.toml --json --seconds=7\n", other.display());
         assert_eq!(String::from_utf8_lossy(&output.stdout), expected);
         assert_eq!(output.status.code(), Some(65));
+        // What the program does not know is refused before it starts.
+        let output = Command::new(&program).args([command, "robot.toml", "--bad"]).output().expect("it runs");
+        assert_eq!((output.stdout.len(), output.status.code()), (0, Some(64)));
     }
 }

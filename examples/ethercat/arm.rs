@@ -32,6 +32,9 @@ pub(crate) struct Arm<B: Bus, W: FnMut() -> u64> {
     inputs: Vec<Inputs>,
     outputs: Vec<Outputs>,
     encoders: Vec<Encoder>,
+    /// What is added to each joint's target position \[increments\]: the drive counts from its own position at the start, whatever
+    /// the zero of a second encoder is.
+    offsets: Vec<i32>,
     /// No drive has failed since all were enabled.
     enabled: bool,
 }
@@ -44,8 +47,8 @@ impl<B: Bus, W: FnMut() -> u64> Arm<B, W> {
     /// The first drive whose fault stays after `MAX_RESETS`, or that is not enabled in time: joint, slave, state, error code.
     pub(crate) fn enable(bus: B, table: Table, wait: W) -> Result<Arm<B, W>, String> {
         let inputs = vec![Inputs::default(); table.joints.len()];
-        let (outputs, encoders) = (Vec::new(), Vec::new());
-        let mut arm = Arm { bus, wait, table, inputs, outputs, encoders, enabled: false };
+        let (outputs, encoders, offsets) = (Vec::new(), Vec::new(), Vec::new());
+        let mut arm = Arm { bus, wait, table, inputs, outputs, encoders, offsets, enabled: false };
         let mut resets = vec![0; arm.inputs.len()];
         for cycle in 1..=MAX_ENABLING_CYCLES {
             if arm.cycle().is_none() {
@@ -57,7 +60,12 @@ impl<B: Bus, W: FnMut() -> u64> Arm<B, W> {
             };
             if !arm.outputs.is_empty() && arm.outputs.iter().zip(&arm.inputs).all(at_work) {
                 let joints = arm.table.joints.iter().zip(&arm.inputs);
-                arm.encoders = joints.map(|(joint, input)| Encoder::new(joint, input)).collect();
+                let pairs = joints.map(|(joint, input)| {
+                    let mut encoder = Encoder::new(joint, input);
+                    let target = joint.target_position(encoder.position(joint, input));
+                    (encoder, input.position.wrapping_sub(target))
+                });
+                (arm.encoders, arm.offsets) = pairs.unzip();
                 arm.enabled = true;
                 return Ok(arm);
             }
@@ -108,7 +116,8 @@ impl<B: Bus, W: FnMut() -> u64> Arm<B, W> {
         for (j, (joint, output)) in self.table.joints.iter().zip(&mut self.outputs).enumerate() {
             let input = &self.inputs[j];
             output.control = if moves { ENABLE_OPERATION } else { State::of_status(input.status).disabling_word() };
-            output.position = if moves { joint.target_position(positions[j]) } else { input.position };
+            let target = joint.target_position(positions[j]).wrapping_add(self.offsets[j]);
+            output.position = if moves { target } else { input.position };
             output.torque = if moves { joint.target_torque(torques[j]) } else { 0 };
         }
     }
@@ -168,10 +177,11 @@ impl<B: Bus, W: FnMut() -> u64> Drop for Arm<B, W> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bus::SimulatedBus;
+    use crate::bus::{LINK_COUNTS_PER_REV, LINK_ZERO, SimulatedBus};
     use crate::drive::{POSITION_MODE, SHUTDOWN, TORQUE_MODE};
     use crate::scaling::read;
     use rivet::faults;
+    use std::f64::consts::TAU;
     use std::path::Path;
 
     fn table() -> Table {
@@ -343,6 +353,33 @@ mod tests {
         }
         let (planned, position) = (0.5 * (1.0 - 6.0_f64.cos()), arm.bus.bus.position());
         assert!((position - planned).abs() < 0.1, "{position} of {planned}");
+    }
+
+    /// The zeros of the two encoders disagree by 0.3 rad: no target jumps, and the arm follows the plan from where it is.
+    #[test]
+    fn first_target_is_the_position_of_the_drive_whatever_the_second_encoder_shows() {
+        let mut table = position_table();
+        let counts_per_rad = LINK_COUNTS_PER_REV / TAU;
+        table.joints[0].link = Some((counts_per_rad, LINK_ZERO + (0.3 * counts_per_rad) as i32));
+        let mut recorder = Recorder::new(FAULT);
+        let mut arm = arm(&mut recorder, table);
+        let start = arm.exchange().expect("a frame").q[0];
+        assert!((start + 0.3).abs() < 1e-4, "the second encoder gives the position: {start}");
+        let actual = arm.inputs[0].position;
+        arm.command(&[start], &[0.0]);
+        // An increment of the second encoder is 200 of the motor's.
+        assert!(arm.outputs[0].position.abs_diff(actual) <= 200, "{} of {actual}", arm.outputs[0].position);
+        for k in 0..3000 {
+            assert_eq!(arm.exchange().expect("a frame").faults, 0);
+            arm.command(&[start + 0.5 * (1.0 - (0.002 * f64::from(k)).cos())], &[0.0]);
+        }
+        let (planned, position) = (0.5 * (1.0 - 6.0_f64.cos()), arm.bus.bus.position());
+        assert!((position - planned).abs() < 0.1, "{position} of {planned}");
+        let targets: Vec<i32> =
+            arm.bus.sent.iter().filter(|sent| sent.control == ENABLE_OPERATION).map(|sent| sent.position).collect();
+        let step = targets.windows(2).map(|two| two[1].wrapping_sub(two[0]).unsigned_abs()).max();
+        // At 1 rad/s a period of 1 ms has 16 689 increments.
+        assert!(step.is_some_and(|step| step < 20_000), "{step:?}");
     }
 
     #[test]

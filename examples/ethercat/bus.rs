@@ -15,6 +15,10 @@ pub(crate) trait Bus {
     fn exchange(&mut self, sent: &[Sent], received: &mut [Received]) -> bool;
 }
 
+/// Second encoder of the simulated joint: increments per turn, and its value at joint zero.
+pub(crate) const LINK_COUNTS_PER_REV: f64 = 524_288.0;
+pub(crate) const LINK_ZERO: i32 = 98_765;
+
 /// One drive and the arm of one joint of the other examples. It has numbers of its own: a mistake in the scaling shows.
 pub(crate) struct SimulatedBus {
     /// Position \[rad\], velocity \[rad/s\] and torque \[N m\] of the joint.
@@ -80,7 +84,8 @@ impl SimulatedBus {
         bytes.extend(position.to_le_bytes());
         bytes.extend(velocity.to_le_bytes());
         bytes.extend(torque.to_le_bytes());
-        bytes.extend([0; 4]); // no second encoder
+        let link = f64::from(LINK_ZERO) + (self.q * LINK_COUNTS_PER_REV / TAU).floor();
+        bytes.extend((link as i32).to_le_bytes());
         let error: u16 = if State::of_status(self.status) == State::Fault { 0x7305 } else { 0 }; // of an encoder
         bytes.extend(error.to_le_bytes());
         self.received.copy_from_slice(&bytes);

@@ -153,6 +153,25 @@ fn converted(folder: &Path, recording: &Path, log: &Log) {
     assert!(!refused.status.success() && words.contains("run.bag") && words.contains(".mcap"), "{words}");
 }
 
+/// Counts that could not be printed are a failure; the recording is there all the same.
+#[test]
+fn full_standard_output_is_a_failure() {
+    let private = PrivateBus::new("record-full");
+    let config = private.config();
+    let bus = Bus::open(config, &name(), "test-robot").expect("the bus");
+    let mut robot = Robot::new(&bus);
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().join("run.mcap");
+    let full = std::fs::OpenOptions::new().write(true).open("/dev/full").expect("/dev/full");
+    let mut recorder = Process::start(record(config, &out).stdout(full));
+    robot.wait_for(1);
+    (0..100).for_each(|_| robot.send());
+    // What was sent is taken before a signal is looked at once more.
+    std::thread::sleep(Duration::from_millis(200));
+    assert_eq!(recorder.end("-INT").code(), Some(74));
+    assert!(!read(&out, &ReadOptions::new(2)).expect("a log").is_empty());
+}
+
 /// Messages of joint states that Python's `mcap` reads before the file breaks off; none where Python lacks it.
 fn read_by_python(path: &Path) -> Option<u64> {
     let script = "import sys\nfrom mcap.stream_reader import StreamReader\nfrom mcap.records import Channel, Message\n\

@@ -10,7 +10,9 @@ use std::process::{Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
-use rivet_ipc_schema::{Bus, BusConfig, Health, JointState, Parameters, PrivateBus, Publisher, Setpoint, Subscriber};
+use rivet_ipc_schema::{
+    Bus, BusConfig, ControllerHealth, Health, JointState, Parameters, PrivateBus, Publisher, Setpoint, Subscriber,
+};
 use rivet_tests::process::{Process, eventually};
 use rivet_tests::two_link::{daemon, name, running, sample};
 use rivet_tests::{rivet, rivet_view, robot, succeed};
@@ -34,6 +36,8 @@ fn python() -> Option<PathBuf> {
 struct Robot {
     states: Publisher<JointState>,
     plans: Publisher<Setpoint>,
+    /// Reports in place of a controller's.
+    controller: Publisher<ControllerHealth>,
     health: Subscriber<Health>,
     parameters: Subscriber<Parameters>,
     /// By epoch: a daemon that starts anew counts from 1 again.
@@ -47,6 +51,7 @@ impl Robot {
         Robot {
             states: bus.joint_state_publisher().expect("a publisher"),
             plans: bus.setpoint_publisher().expect("a publisher"),
+            controller: bus.controller_health_publisher().expect("a publisher"),
             health: bus.health_subscriber().expect("a subscriber"),
             parameters: bus.parameters_subscriber().expect("a subscriber"),
             sets: BTreeMap::new(),
@@ -67,6 +72,10 @@ impl Robot {
         let plan = Setpoint { seq: self.sent, stamp_ns: state.stamp_ns, q: state.q, joints: 2, ..Setpoint::default() };
         self.plans.send(&plan).expect("sent");
         self.states.send(&state).expect("sent");
+        if self.sent.is_multiple_of(500) {
+            let report = ControllerHealth { stamp_ns: state.stamp_ns, state: 2, ..ControllerHealth::default() };
+            self.controller.send(&report).expect("sent");
+        }
         self.take_parameters();
         let (begin, before) = self.begin;
         let due = begin + Duration::from_millis(self.sent - before);
@@ -354,6 +363,18 @@ fn an_independent_client_gets_everything_and_the_loop_does_not_know_of_it() {
             assert!(all - thinned <= robot_side.sent / 10 + 1, "{topic}");
         }
     }
-    assert_resolves(&layout, &messages(&got["messages"]), "rivet view");
+    let messages = messages(&got["messages"]);
+    // What the killed daemon had reported is null while it is silent; the controller goes on.
+    let silent = messages["rivet/dd2/state"].iter().filter(|states| states["daemon"] == "silent");
+    let silent: Vec<&Value> = silent.collect();
+    assert!(!silent.is_empty());
+    for states in silent {
+        for field in ["input_fault", "input_joints", "load", "instruments", "active_parameters", "drift", "left_joints"]
+        {
+            assert!(states[field].is_null(), "{field}: {states}");
+        }
+        assert_eq!(states["stop_cause"], "none", "{states}");
+    }
+    assert_resolves(&layout, &messages, "rivet view");
     assert_resolves(&layout, &recorded(&out), "rivet record");
 }

@@ -17,7 +17,7 @@ use destination::Destination;
 pub use draft::Draft;
 use folder::Folder;
 pub use lock::open_lock;
-pub use printable::{Printable, arguments_are_printable, is_unsafe, note, printable, printable_json};
+pub use printable::{Printable, arguments_are_printable, is_unsafe, note, print, printable, printable_json};
 use rustix::fs::OFlags;
 pub use status_line::StatusLine;
 use std::fs::{self, File};

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 use std::fmt;
-use std::io::Write as _;
+use std::io::{self, Write as _};
 
 /// Whether a terminal would act on a character, or show the text in another order: C0 and C1 controls, DEL, line and paragraph
 /// separators, marks and overrides of writing direction.
@@ -54,7 +54,20 @@ impl<T: fmt::Display> fmt::Display for Printable<T> {
 pub fn note(text: impl fmt::Display) {
     // One write a line: lines of several processes on one terminal do not mix.
     let line = format!("{}\n", Printable(text));
-    let _ = std::io::stderr().write_all(line.as_bytes());
+    let _ = io::stderr().write_all(line.as_bytes());
+}
+
+/// Writes to standard output as it is: the text was made printable before. A reader that has seen enough (`| head`) is no failure.
+///
+/// # Errors
+/// It cannot be written: a full disk, a closed descriptor. The error names standard output.
+pub fn print(text: &str) -> io::Result<()> {
+    let mut out = io::stdout().lock();
+    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+        Err(why) if why.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        Err(why) => Err(io::Error::new(why.kind(), format!("standard output cannot be written: {why}"))),
+        Ok(()) => Ok(()),
+    }
 }
 
 /// Whether the arguments of this process can be shown as they are: a file's name may be one of them.

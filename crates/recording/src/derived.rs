@@ -74,7 +74,7 @@ impl Derived {
         match &received.content {
             Content::JointState(state) => {
                 if let Some(residual) = self.residuals.take(state) {
-                    give(Received { at_ns, content: Content::Residual(Box::new(residual)) });
+                    give(Received::derived(at_ns, Content::Residual(Box::new(residual))));
                 }
             }
             Content::Parameters(set) => {
@@ -107,13 +107,13 @@ impl Derived {
     pub fn turn(&mut self, now_ns: u64, give: &mut impl FnMut(Received)) {
         let is_silent = |heard: Option<u64>| heard.is_some_and(|at| now_ns.saturating_sub(at) > self.silence_ns);
         if is_silent(self.health_ns) {
-            SILENT.clone_into(&mut self.states.daemon);
+            self.states.silence_daemon();
         }
         if is_silent(self.controller_ns) {
-            SILENT.clone_into(&mut self.states.controller);
+            self.states.silence_controller();
         }
-        self.events.take_states(&self.states);
-        let mut give = |content| give(Received { at_ns: now_ns, content });
+        self.events.take_states(&self.states, now_ns);
+        let mut give = |content| give(Received::derived(now_ns, content));
         for line in self.events.drain(now_ns.saturating_add_signed(self.to_utc_ns)) {
             give(Content::LogLine(Box::new(line), now_ns));
         }
@@ -137,5 +137,99 @@ impl Derived {
     /// Whether rivetd reports.
     pub fn has_daemon(&self) -> bool {
         ![ABSENT, SILENT].contains(&self.states.daemon.as_str())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rivet_ipc_schema::{ControllerHealth, Drift, Health, JointState, parameter_flags};
+
+    const SECOND_NS: u64 = 1_000_000_000;
+
+    fn derived() -> (Derived, u64, usize) {
+        let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../robots/dd2/robot.toml");
+        let robot = rivet_config::load(&file).expect("a robot file");
+        (Derived::new(&robot, 0).expect("settings"), robot.hash, robot.base.len())
+    }
+
+    /// What follows from messages and turns, newest last.
+    fn taken(derived: &mut Derived, at_ns: u64, content: Content) -> Vec<Content> {
+        let mut found = Vec::new();
+        derived.take(&Received::derived(at_ns, content), &mut |follows| found.push(follows.content));
+        found
+    }
+
+    fn states(derived: &mut Derived, now_ns: u64) -> States {
+        let mut latest = None;
+        derived.turn(now_ns, &mut |follows| {
+            if let Content::States(states) = follows.content {
+                latest = Some(*states);
+            }
+        });
+        latest.expect("states are due")
+    }
+
+    #[test]
+    fn states_of_a_silent_process_are_null_and_a_new_one_is_shown_at_once() {
+        let (mut derived, ..) = derived();
+        taken(&mut derived, SECOND_NS, Content::Health(Box::new(Health { mode: 1, ..Health::default() })));
+        taken(&mut derived, SECOND_NS, Content::Drift(Box::new(Drift { verdict: 1, ..Drift::default() })));
+        let controller = ControllerHealth { state: 2, ..ControllerHealth::default() };
+        taken(&mut derived, SECOND_NS, Content::ControllerHealth(Box::new(controller)));
+        let shown = states(&mut derived, SECOND_NS);
+        assert!(shown.drift.is_some() && shown.load.is_some() && shown.stops.is_some(), "{shown:?}");
+        // The daemon dies, the controller goes on.
+        taken(&mut derived, 20 * SECOND_NS, Content::ControllerHealth(Box::new(controller)));
+        let shown = states(&mut derived, 20 * SECOND_NS);
+        assert_eq!(
+            (shown.daemon.as_str(), &shown.drift, &shown.load, shown.held_parameters),
+            (SILENT, &None, &None, None)
+        );
+        assert!(shown.stops == Some(0) && shown.parameter_source.is_some(), "{shown:?}");
+        let shown = states(&mut derived, 40 * SECOND_NS);
+        assert_eq!((shown.controller.as_str(), shown.stops, &shown.parameter_source), (SILENT, None, &None));
+        taken(&mut derived, 41 * SECOND_NS, Content::Health(Box::new(Health { mode: 1, ..Health::default() })));
+        let shown = states(&mut derived, 41 * SECOND_NS);
+        assert_eq!((shown.daemon.as_str(), shown.load.is_some(), &shown.drift), ("estimating", true, &None));
+    }
+
+    /// A daemon that begins publishes sets with too little data behind them: residuals keep the set before.
+    #[test]
+    fn residuals_use_no_provisional_parameters() {
+        let (mut derived, model_hash, count) = derived();
+        let count = u32::try_from(count).expect("a count");
+        let mut seq = 0;
+        // 0.4 s of motion; the last residual.
+        let mut moved = |derived: &mut Derived| {
+            let mut latest = None;
+            for _ in 0..400 {
+                seq += 1;
+                let t = seq as f64 * 1e-3;
+                let mut state = JointState { seq, stamp_ns: seq * 1_000_000, joints: 2, ..JointState::default() };
+                (state.q[0], state.q[1]) = ((5.0 * t).sin(), (7.0 * t).cos());
+                for follows in taken(derived, state.stamp_ns, Content::JointState(Box::new(state))) {
+                    if let Content::Residual(residual) = follows {
+                        latest = Some(*residual);
+                    }
+                }
+            }
+            latest.expect("residuals")
+        };
+        let set = |epoch, flags| {
+            let set = Parameters { epoch, flags, model_hash, count, joints: 2, ..Parameters::default() };
+            Content::Parameters(Box::new(set))
+        };
+        taken(&mut derived, 0, set(1, parameter_flags::PROVISIONAL));
+        let residual = moved(&mut derived);
+        assert!(residual.epoch == 0 && residual.predicted.iter().all(|torque| torque.is_nan()), "{residual:?}");
+        assert!(residual.nominal_residual.iter().any(|torque| torque.is_finite()), "{residual:?}");
+        taken(&mut derived, 0, set(40, parameter_flags::SUSPENDED));
+        let residual = moved(&mut derived);
+        assert!(residual.epoch == 40 && residual.predicted.iter().all(|torque| torque.is_finite()), "{residual:?}");
+        taken(&mut derived, 0, set(1, parameter_flags::PROVISIONAL | parameter_flags::SUSPENDED));
+        assert_eq!(moved(&mut derived).epoch, 40, "the set of the daemon before");
+        taken(&mut derived, 0, set(2, 0));
+        assert_eq!(moved(&mut derived).epoch, 2);
     }
 }

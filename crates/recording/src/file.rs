@@ -123,7 +123,7 @@ impl RecordingFile {
     /// # Errors
     /// It cannot be written.
     pub fn write(&mut self, received: &Received) -> Result<(), RecordingError> {
-        let Received { at_ns, content } = received;
+        let Received { at_ns, content, .. } = received;
         let data = content.to_json(self.joints).map_err(|why| self.fault(why.to_string()))?;
         let utc = |ns: u64| ns.saturating_add_signed(self.to_utc_ns);
         let header = MessageHeader {

@@ -18,6 +18,7 @@ mod error;
 mod events;
 mod file;
 mod friction;
+mod held;
 mod message;
 mod ports;
 mod recorder;
@@ -25,7 +26,7 @@ mod residuals;
 mod states;
 
 pub use bands::{ParameterBand, ParameterBands, names};
-pub use counts::{Counter, Counts, ServiceCounts};
+pub use counts::{Counter, Counts, Origin, ServiceCounts};
 pub use derived::Derived;
 pub use error::RecordingError;
 pub use events::{LogLine, Time};

@@ -9,7 +9,7 @@ use schemars::generate::SchemaSettings;
 use serde_json::Value;
 
 use crate::bands::ParameterBands;
-use crate::counts::Counts;
+use crate::counts::{Counts, Origin};
 use crate::events::LogLine;
 use crate::friction::FrictionCurves;
 use crate::residuals::Residual;
@@ -25,8 +25,22 @@ pub const SCHEMA_ENCODING: &str = "jsonschema";
 pub struct Received {
     /// `CLOCK_MONOTONIC` \[ns\].
     pub at_ns: u64,
+    /// Identity of its publisher on the bus; none of what follows from other messages.
+    pub publisher: Option<u128>,
     /// The message.
     pub content: Content,
+}
+
+impl Received {
+    /// What follows from other messages, at `at_ns`: `CLOCK_MONOTONIC` \[ns\].
+    pub fn derived(at_ns: u64, content: Content) -> Received {
+        Received { at_ns, publisher: None, content }
+    }
+
+    /// Its number in the sequence of its publisher; none where its service has no such number.
+    pub fn origin(&self) -> Option<Origin> {
+        self.content.number().map(|number| Origin { publisher: self.publisher, number })
+    }
 }
 
 /// A message that is recorded.

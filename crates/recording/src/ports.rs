@@ -73,7 +73,7 @@ fn one_source<T: Message>(
 ) -> Result<(), PortError> {
     for _ in 0..port.capacity() {
         let Some(message) = port.receive(at_ns)? else { break };
-        take(Received { at_ns, content: content(Box::new(message)) });
+        take(Received { at_ns, publisher: port.source(), content: content(Box::new(message)) });
     }
     Ok(())
 }
@@ -85,8 +85,8 @@ fn any_source<T: Message>(
     take: &mut impl FnMut(Received),
 ) -> Result<(), PortError> {
     for _ in 0..port.capacity() {
-        let Some(message) = port.receive()? else { break };
-        take(Received { at_ns, content: content(Box::new(message)) });
+        let Some((message, publisher)) = port.receive_from()? else { break };
+        take(Received { at_ns, publisher: Some(publisher), content: content(Box::new(message)) });
     }
     Ok(())
 }

@@ -31,9 +31,9 @@ impl Recorder {
 
     /// Takes a message; where the file is too slow for it, it is dropped and counted. Never waits.
     pub fn take(&mut self, received: Received) {
-        let (place, number) = (received.content.place(), received.content.number());
+        let (place, origin) = (received.content.place(), received.origin());
         let is_kept = self.to_file.try_send(received).is_ok();
-        self.counter.count(place, number, is_kept);
+        self.counter.count(place, origin, is_kept);
     }
 
     /// What was recorded so far; `now_ns`: `CLOCK_MONOTONIC` \[ns\], `foreign`: messages of other publishers.
@@ -53,7 +53,7 @@ impl Recorder {
     pub fn finish(self, counts: Counts) -> Result<(), RecordingError> {
         let Recorder { to_file, thread, .. } = self;
         // Where nobody takes it the thread has ended with an error, which follows.
-        let _ = to_file.send(Received { at_ns: counts.stamp_ns, content: counts.into() });
+        let _ = to_file.send(Received::derived(counts.stamp_ns, counts.into()));
         drop(to_file);
         thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
     }

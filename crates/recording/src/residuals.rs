@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use rivet_config::Robot;
 use rivet_estimation::{SettingsError, TorqueRows};
-use rivet_ipc_schema::{JointState, Parameters};
+use rivet_ipc_schema::{JointState, Parameters, parameter_flags};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -21,11 +21,11 @@ pub struct Residual {
     pub seq: u64,
     /// Its stamp, `CLOCK_MONOTONIC` [ns]. The torques are older by the delay of differentiation and filter.
     pub stamp_ns: u64,
-    /// Epoch of the parameters; 0 before the first.
+    /// Epoch of the parameters, the last set that was not provisional; 0 before the first.
     pub epoch: u64,
     /// Filtered measured torque of each joint [N m, or N].
     pub torque: Vec<f64>,
-    /// Torque by the published parameters [N m, or N]; null before the first set.
+    /// Torque by these parameters [N m, or N]; null before the first set.
     pub predicted: Vec<f64>,
     /// Measured minus predicted torque [N m, or N]; null at rest and before the first set.
     pub residual: Vec<f64>,
@@ -61,8 +61,12 @@ impl Residuals {
         })
     }
 
-    /// Takes in a parameter set of this robot's model.
+    /// Takes in a parameter set of this robot's model. One that has too little data behind it for a controller is left out:
+    /// the set before it stays in use.
     pub(crate) fn use_parameters(&mut self, set: &Parameters) {
+        if set.flags & parameter_flags::PROVISIONAL != 0 {
+            return;
+        }
         self.latest = Some((set.epoch, set.values[..self.count].to_vec()));
     }
 

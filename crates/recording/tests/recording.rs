@@ -44,7 +44,7 @@ fn period(seq: u64) -> Vec<Received> {
         messages.push(Content::Parameters(Box::new(set)));
         messages.push(Content::Health(Box::new(Health { stamp_ns, ..Health::EMPTY })));
     }
-    messages.into_iter().map(|content| Received { at_ns: stamp_ns + 250_000, content }).collect()
+    messages.into_iter().map(|content| Received { at_ns: stamp_ns + 250_000, publisher: Some(1), content }).collect()
 }
 
 /// Every value of a row of the log, to the bit.

@@ -45,6 +45,9 @@ pub enum Failure {
         /// What is wrong with them.
         why: JointsError,
     },
+    /// The counts could not be printed.
+    #[error("{0}")]
+    Output(std::io::Error),
     /// The system.
     #[error("{0}")]
     System(#[from] std::io::Error),
@@ -57,7 +60,7 @@ impl Failure {
             Failure::Usage(_) => rivet_service::USAGE,
             Failure::Joints { .. } => 65,
             Failure::Bus(_) | Failure::Robot(_) => 69,
-            Failure::File { .. } => 74,
+            Failure::File { .. } | Failure::Output(_) => 74,
             Failure::Config(_) => 78,
             Failure::Port(_) | Failure::Graph(_) | Failure::System(_) => 70,
         }

@@ -10,7 +10,6 @@ pub mod joints;
 mod losses;
 pub mod messages;
 pub mod model;
-mod options;
 mod outputs;
 mod pairing;
 pub mod parameters;
@@ -22,5 +21,4 @@ mod stamps;
 
 pub use error::Failure;
 pub use graph::GraphError;
-pub use options::{Options, SetpointType};
 pub use run::run;

@@ -1,6 +1,5 @@
 //! The program: inputs from the graph to the bus on this thread, outputs on another one.
 
-use std::io::Write as _;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
@@ -8,6 +7,7 @@ use std::time::{Duration, Instant};
 use rivet_files::StatusLine;
 use rivet_ipc_schema::BusConfig;
 use rivet_realtime::{Shutdown, now_ns};
+use rivet_service::{Ros2Options, SetpointType};
 use rustdds::mio1::{Events, Interest, Poll, Token};
 use serde::de::DeserializeOwned;
 use serde_json::json;
@@ -17,7 +17,6 @@ use crate::graph::{Graph, Input};
 use crate::intake::{Counts, Intake, guid_text};
 use crate::messages::{JointState, JointTrajectoryControllerState, JointTrajectoryPoint, Text, Time};
 use crate::model;
-use crate::options::{Options, SetpointType};
 use crate::outputs::{Outputs, Shared, Start, Topics, wall_ns};
 use crate::problems::Problem;
 use crate::source::Guid;
@@ -76,7 +75,7 @@ fn follow<M: DeserializeOwned>(
 }
 
 impl Inputs {
-    fn open(graph: Graph, options: &Options) -> Result<Inputs, Failure> {
+    fn open(graph: Graph, options: &Ros2Options) -> Result<Inputs, Failure> {
         let poll = Poll::new()?;
         let mut joint_states = graph.input(&options.joint_states, false)?;
         register(&poll, &mut joint_states, JOINT_STATES)?;
@@ -99,7 +98,7 @@ impl Inputs {
     }
 
     /// Joins once more where the publisher of joint states was lost without a goodbye; whether it did.
-    fn rejoin_if_lost(&mut self, options: &Options) -> Result<bool, Failure> {
+    fn rejoin_if_lost(&mut self, options: &Ros2Options) -> Result<bool, Failure> {
         self.has_lost_a_peer |= self.graph.has_lost_a_peer();
         let rejoins = self.has_lost_a_peer && self.joint_states.publishers() == 0;
         if rejoins {
@@ -117,7 +116,7 @@ impl Inputs {
     }
 
     /// Takes everything in that has come.
-    fn take(&mut self, intake: &mut Intake, options: &Options) -> Result<(), Failure> {
+    fn take(&mut self, intake: &mut Intake, options: &Ros2Options) -> Result<(), Failure> {
         let (now, wall) = (now_ns(), wall_ns());
         let mut best_effort = Vec::new();
         let joint_states = &options.joint_states;
@@ -171,7 +170,7 @@ impl Inputs {
 ///
 /// # Errors
 /// Why it did not start, or ended.
-pub fn run(options: &Options) -> Result<(), Failure> {
+pub fn run(options: &Ros2Options) -> Result<(), Failure> {
     if options.bridge.die_with_parent {
         rivet_realtime::die_with_parent()?;
     }
@@ -214,13 +213,12 @@ pub fn run(options: &Options) -> Result<(), Failure> {
     let _ = thread.join();
     let lost = bus_lost(&sender);
     let summary = summary(options, domain, &topics, &mut intake, &shared, lost);
-    let text = rivet_files::printable_json(serde_json::to_string_pretty(&summary).unwrap_or_default() + "\n");
     if options.bridge.json {
-        // A pipe that is gone changes nothing here.
-        let _ = std::io::stdout().write_all(text.as_bytes());
-    } else {
-        rivet_files::note(format_args!("rivet-ros2: {}", line(&intake.counts(), lost)));
+        let text = serde_json::to_string_pretty(&summary).unwrap_or_default() + "\n";
+        let printed = rivet_files::print(&rivet_files::printable_json(text)).map_err(Failure::Output);
+        return result.and(printed);
     }
+    rivet_files::note(format_args!("rivet-ros2: {}", line(&intake.counts(), lost)));
     result
 }
 
@@ -231,7 +229,7 @@ fn bus_lost(sender: &rivet::Robot) -> u64 {
 }
 
 struct Turns<'a> {
-    options: &'a Options,
+    options: &'a Ros2Options,
     robot: &'a rivet_config::Robot,
     shared: &'a Shared,
     shutdown: &'a Shutdown,
@@ -340,7 +338,7 @@ fn line(counts: &Counts, bus_lost: u64) -> String {
 }
 
 fn summary(
-    options: &Options,
+    options: &Ros2Options,
     domain: u16,
     topics: &Topics,
     intake: &mut Intake,

@@ -8,14 +8,18 @@ mod command_line;
 mod flight;
 mod journal;
 mod manager;
+mod ros2_options;
 mod state_folder;
+mod view_options;
 
 pub use bridge_options::{BridgeOptions, within};
 pub use command_line::{USAGE, command_line};
 pub use flight::{Flight, RECORDED, Reason, abort_on_panic};
 pub use journal::log_as;
 pub use manager::Manager;
+pub use ros2_options::{Ros2Options, SetpointType, check_ros_topic};
 pub use state_folder::{StateFolder, Storage};
+pub use view_options::ViewOptions;
 
 /// The warning of a process that polls for samples, since the robot controller does not send the wake-up event.
 pub const NOT_NOTIFIED: &str = "joint states arrive without the wake-up event, so this process polls for them; the robot controller is to \

@@ -32,6 +32,9 @@ pub enum Failure {
     /// The address to listen at.
     #[error("{0}")]
     Server(#[from] ServerError),
+    /// The counts could not be printed.
+    #[error("{0}")]
+    Output(std::io::Error),
     /// The system.
     #[error("{0}")]
     System(#[from] std::io::Error),
@@ -42,7 +45,7 @@ impl Failure {
     pub fn exit_code(&self) -> u8 {
         match self {
             Failure::Bus(_) | Failure::Server(_) => 69,
-            Failure::File { .. } => 74,
+            Failure::File { .. } | Failure::Output(_) => 74,
             Failure::Config(_) | Failure::Settings(_) => 78,
             Failure::Port(_) | Failure::System(_) => 70,
         }

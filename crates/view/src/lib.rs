@@ -13,7 +13,6 @@ mod channel;
 mod client;
 mod error;
 pub mod layout;
-mod options;
 pub mod protocol;
 mod run;
 mod server;
@@ -22,6 +21,5 @@ mod thinning;
 
 pub use channel::Channel;
 pub use error::Failure;
-pub use options::Options;
 pub use run::run;
 pub use server::{Server, ServerError};

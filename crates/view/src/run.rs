@@ -1,6 +1,5 @@
 //! The program: messages from the bus to the server until a signal, `--seconds` or a failure.
 
-use std::io::Write as _;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -9,6 +8,7 @@ use rivet_files::StatusLine;
 use rivet_ipc_schema::{Bus, BusConfig, RobotName};
 use rivet_realtime::{Shutdown, now_ns};
 use rivet_recording::{About, Content, Counter, Counts, Derived, Ports, Received, TOPICS, Topic, names, services};
+use rivet_service::ViewOptions;
 use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::json;
@@ -16,7 +16,6 @@ use serde_json::json;
 use crate::channel::Channel;
 use crate::error::Failure;
 use crate::layout;
-use crate::options::Options;
 use crate::server::Server;
 use crate::thinning::Thinning;
 
@@ -80,7 +79,7 @@ fn is_thinned(content: &Content) -> bool {
 ///
 /// # Errors
 /// Why it did not start, or ended.
-pub fn run(options: &Options) -> Result<(), Failure> {
+pub fn run(options: &ViewOptions) -> Result<(), Failure> {
     if options.bridge.die_with_parent {
         rivet_realtime::die_with_parent()?;
     }
@@ -133,8 +132,8 @@ pub fn run(options: &Options) -> Result<(), Failure> {
     };
     let begin = Instant::now();
     let result = view.serve(&shutdown, name);
-    view.finish(name, begin.elapsed().as_secs_f64());
-    result
+    let printed = view.finish(name, begin.elapsed().as_secs_f64());
+    result.and(printed)
 }
 
 fn write_layout(robot: &Robot, out: &Path) -> Result<(), Failure> {
@@ -152,7 +151,7 @@ struct Stream {
 }
 
 struct View<'a> {
-    options: &'a Options,
+    options: &'a ViewOptions,
     server: Server,
     ports: Ports,
     derived: Derived,
@@ -181,7 +180,7 @@ impl View<'_> {
                 if matches!(message.content, Content::JointState(_)) {
                     self.state_ns = Some(now);
                 }
-                self.counter.count(message.content.place(), message.content.number(), true);
+                self.counter.count(message.content.place(), message.origin(), true);
                 let mut follows = Vec::new();
                 self.derived.take(&message, &mut |other| follows.push(other));
                 pass(&self.server, &mut self.topics, self.joints, self.to_utc_ns, &message);
@@ -262,7 +261,7 @@ impl View<'_> {
     }
 
     /// Prints the counts.
-    fn finish(self, name: &str, seconds: f64) {
+    fn finish(self, name: &str, seconds: f64) -> Result<(), Failure> {
         let counts = self.counts(now_ns());
         let (_, ever) = self.server.clients();
         if self.options.bridge.json {
@@ -270,11 +269,10 @@ impl View<'_> {
                                "clients": ever, "refused_connections": self.server.refused(),
                                "foreign": counts.foreign, "topics": counts.topics});
             let text = serde_json::to_string_pretty(&value).unwrap_or_default() + "\n";
-            // A pipe that is gone changes nothing here.
-            let _ = std::io::stdout().write_all(rivet_files::printable_json(text).as_bytes());
-        } else {
-            rivet_files::note(format_args!("rivet-view: {ever} clients, {}", totals(&counts)));
+            return rivet_files::print(&rivet_files::printable_json(text)).map_err(Failure::Output);
         }
+        rivet_files::note(format_args!("rivet-view: {ever} clients, {}", totals(&counts)));
+        Ok(())
     }
 }
 

@@ -326,3 +326,15 @@ fn one_client_too_many_is_refused() {
     drop(all.pop());
     eventually("a place is free", || connect(&address, "foxglove.sdk.v1").ok());
 }
+
+/// Counts that could not be printed are a failure: who reads them would take their absence for success.
+#[test]
+fn full_standard_output_is_a_failure() {
+    let bus = PrivateBus::new("view-full");
+    let mut command = view(&[]);
+    command.arg(robot("dd2")).args(["--port", "0", "--json", "--seconds", "0.2"]);
+    let full = std::fs::OpenOptions::new().write(true).open("/dev/full").expect("/dev/full");
+    let output = on_bus(&mut command, &bus).stdout(full).output().expect("it runs");
+    let (code, stderr) = ended(&output);
+    assert!(code == Some(74) && stderr.contains("standard output cannot be written"), "{code:?} {stderr}");
+}

@@ -1,5 +1,6 @@
 //! `cargo xtask install`: programs, library, units, user, directories, robots, headers.
 
+use crate::licences;
 use anyhow::{Context as _, Result, ensure};
 use rivet_files::Draft;
 use std::fs;
@@ -23,7 +24,7 @@ pub(crate) const LIBRARY: &str = "librivet";
 pub(crate) const SHARED_LIBRARY: &str = "librivet.so.1";
 /// What a program that links the static library needs beside it (`rustc --print native-static-libs`).
 const STATIC_NEEDS: &str = "-lgcc_s -lutil -lrt -lpthread -lm -ldl -lc";
-/// Folder beside the programs with man pages and completions, laid out as `share`.
+/// Folder beside the programs with what is made for the installation, laid out as `share`: man pages, completions, licences.
 const GENERATED: &str = "generated";
 /// Where the units in the source say that the programs and their documents are.
 const UNIT_PREFIXES: [&str; 2] = ["/usr/bin/", "/usr/share/"];
@@ -75,6 +76,7 @@ pub(crate) fn build(source: &Path) -> Result<PathBuf> {
     let mut generate = Command::new(target.join("release/rivet"));
     generate.arg("generate").arg(target.join(GENERATED));
     ensure!(generate.status().context("rivet cannot be started")?.success(), "rivet writes no man pages");
+    put(&target.join(GENERATED).join("doc/rivet").join(licences::FILE), licences::text(source)?.as_bytes(), 0o644)?;
     Ok(target)
 }
 

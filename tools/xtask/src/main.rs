@@ -4,6 +4,7 @@ mod deb;
 mod fuzz;
 mod golden;
 mod install;
+mod licences;
 mod sbom;
 mod tables;
 

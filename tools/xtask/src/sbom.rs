@@ -97,7 +97,7 @@ fn prune(bill: &mut Value, crates: &BTreeSet<String>) -> Result<usize> {
 
 /// Crates, as `name vVERSION`, that the programs of a profile are compiled of with the features that they are installed with.
 /// Procedural macros belong to them, what build scripts need does not.
-fn compiled(source: &Path, profile: &str) -> Result<BTreeSet<String>> {
+pub(crate) fn compiled(source: &Path, profile: &str) -> Result<BTreeSet<String>> {
     let mut tree = Command::new(env!("CARGO"));
     tree.current_dir(source).args(["tree", "--locked", "--edges", "normal", "--prefix", "none", "--format", "{p}"]);
     for (_, package, _) in PROGRAMS.iter().filter(|(_, _, its)| *its == profile) {

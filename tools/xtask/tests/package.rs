@@ -60,6 +60,16 @@ fn package_holds_what_is_installed_and_starts_nothing() {
     let own = |name: &String| !name.starts_with("usr/share/doc/rivet/") && !name.starts_with("etc/needrestart/");
     assert_eq!(further.iter().filter(|name| own(name)).collect::<Vec<_>>(), Vec::<&String>::new());
 
+    // The licence texts of the crates, those that only one program has included.
+    let licences =
+        std::fs::read_to_string(installed.join("usr/share/doc/rivet/third-party-licences.txt")).expect("it is there");
+    for wanted in ["\nrustdds ", "\ntungstenite ", "\niceoryx2 ", "Permission is hereby granted", "Apache License"] {
+        assert!(licences.contains(wanted), "{wanted:?}");
+    }
+    for page in ["rivet-ros2.1", "rivet-view.1"] {
+        assert!(same.iter().any(|name| name == &format!("usr/share/man/man1/{page}")), "{page}: {same:?}");
+    }
+
     // Programs run, the library is found under its soname, a C program compiles and starts.
     for program in ["rivet", "rivetd", "rivet-controller", "rivet-sim", "rivet-ros2", "rivet-view"] {
         let version = succeed(Command::new(root.join("usr/bin").join(program)).arg("--version"));

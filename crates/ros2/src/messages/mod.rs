@@ -52,17 +52,8 @@ use ros_message;
 /// # Errors
 /// The rule of ROS names that `topic` breaks.
 pub fn dds_topic(topic: &str) -> Result<String, String> {
-    let name = topic.strip_prefix('/').unwrap_or(topic);
-    let part_is_sound = |part: &str| {
-        part.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_')
-            && part.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
-    };
-    if name.is_empty() || !name.split('/').all(part_is_sound) {
-        return Err(format!(
-            "{topic}: a topic of ROS 2 has letters, digits and _ between its slashes, and no part begins with a digit"
-        ));
-    }
-    Ok(format!("rt/{name}"))
+    rivet_service::check_ros_topic(topic)?;
+    Ok(format!("rt/{}", topic.strip_prefix('/').unwrap_or(topic)))
 }
 
 /// The part of a topic that names a robot: every character that a topic cannot have is `_`.

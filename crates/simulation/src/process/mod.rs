@@ -4,7 +4,7 @@ mod options;
 mod output;
 mod recording;
 
-use std::io::{self, Write as _};
+use std::io;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
@@ -46,6 +46,9 @@ pub enum SimError {
         /// Why.
         source: io::Error,
     },
+    /// The summary cannot be printed.
+    #[error("{0}")]
+    Output(io::Error),
     /// An option does not fit the robot.
     #[error("{0}")]
     Option(String),
@@ -63,7 +66,7 @@ impl SimError {
         match self {
             Self::Config(_) => 78,
             Self::Option(_) => 64,
-            Self::File { .. } => 73,
+            Self::File { .. } | Self::Output(_) => 73,
             Self::NoCommand(_) => 69,
             Self::Bus(_) | Self::Port(_) | Self::Signals(_) => 71,
         }
@@ -144,15 +147,13 @@ pub fn run(options: &Options) -> Result<Summary, SimError> {
 /// The whole process, for `rivet-sim` and `rivet sim`: the summary as one line of JSON on standard output, errors on standard
 /// error.
 pub fn main(options: &Options) -> ExitCode {
-    let line = run(options).and_then(|summary| {
-        serde_json::to_string(&summary).map_err(|e| SimError::Option(format!("the summary cannot be written: {e}")))
+    let printed = run(options).and_then(|summary| {
+        let line = serde_json::to_string(&summary)
+            .map_err(|e| SimError::Option(format!("the summary cannot be written: {e}")))?;
+        rivet_files::print(&rivet_files::printable_json(line + "\n")).map_err(SimError::Output)
     });
-    match line {
-        Ok(line) => {
-            // A reader that has gone does not make the run a failure.
-            let _ = writeln!(io::stdout(), "{}", rivet_files::printable_json(line));
-            ExitCode::SUCCESS
-        }
+    match printed {
+        Ok(()) => ExitCode::SUCCESS,
         Err(why) => {
             rivet_files::note(format_args!("rivet-sim: {why}"));
             ExitCode::from(why.exit_code())

@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let options: rivet_view::Options = match rivet_service::command_line() {
+    let options: rivet_service::ViewOptions = match rivet_service::command_line() {
         Ok(options) => options,
         Err(code) => return code,
     };

@@ -1,11 +1,9 @@
-//! The command line.
+//! The command line of `rivet-ros2`, which is that of `rivet ros2`.
 
 use std::net::IpAddr;
 use std::path::PathBuf;
 
-use rivet_service::{BridgeOptions, within};
-
-use crate::messages::dds_topic;
+use crate::bridge_options::{BridgeOptions, within};
 
 /// Topic of what a joint trajectory controller plans, under the usual name of the controller.
 const POINT: &str = "trajectory_msgs/msg/JointTrajectoryPoint";
@@ -13,7 +11,7 @@ const POINT: &str = "trajectory_msgs/msg/JointTrajectoryPoint";
 /// Joins a graph of ROS 2: joint states and setpoints to rivetd; parameters, diagnostics, payload and URDF to the graph.
 #[derive(Clone, Debug, clap::Parser)]
 #[command(name = "rivet-ros2", version, max_term_width = 100)]
-pub struct Options {
+pub struct Ros2Options {
     /// The robot file.
     #[arg(value_name = "ROBOT.toml")]
     pub robot: PathBuf,
@@ -53,8 +51,26 @@ pub enum SetpointType {
     Point,
 }
 
+/// Whether `topic` is a name by the rules of ROS 2.
+///
+/// # Errors
+/// The rule that it breaks.
+pub fn check_ros_topic(topic: &str) -> Result<(), String> {
+    let name = topic.strip_prefix('/').unwrap_or(topic);
+    let part_is_sound = |part: &str| {
+        part.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_')
+            && part.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+    };
+    if !name.is_empty() && name.split('/').all(part_is_sound) {
+        return Ok(());
+    }
+    Err(format!(
+        "{topic}: a topic of ROS 2 has letters, digits and _ between its slashes, and no part begins with a digit"
+    ))
+}
+
 fn topic(text: &str) -> Result<String, String> {
-    dds_topic(text)?;
+    check_ros_topic(text)?;
     Ok(text.to_owned())
 }
 
@@ -62,7 +78,7 @@ fn patience(text: &str) -> Result<f64, String> {
     within(text, 0.0, 1000.0)
 }
 
-impl Options {
+impl Ros2Options {
     /// The domain: of the command line, else of `variable` (ROS_DOMAIN_ID), else 0.
     ///
     /// # Errors
@@ -86,8 +102,8 @@ mod tests {
 
     #[test]
     fn the_command_line_is_sound() {
-        Options::command().debug_assert();
-        let parse = |line: &str| Options::try_parse_from(line.split_whitespace());
+        Ros2Options::command().debug_assert();
+        let parse = |line: &str| Ros2Options::try_parse_from(line.split_whitespace());
         let options = parse("rivet-ros2 robot.toml").expect("all have defaults");
         assert_eq!((options.joint_states.as_str(), options.setpoint.as_deref()), ("/joint_states", None));
         for wrong in
@@ -99,7 +115,7 @@ mod tests {
 
     #[test]
     fn the_domain_is_the_command_lines_then_the_environments() {
-        let options = |line: &str| Options::try_parse_from(line.split_whitespace()).expect("sound");
+        let options = |line: &str| Ros2Options::try_parse_from(line.split_whitespace()).expect("sound");
         assert_eq!(options("x r.toml --domain 7").domain_or(Some("5")), Ok(7));
         assert_eq!(options("x r.toml").domain_or(Some("5")), Ok(5));
         assert_eq!(options("x r.toml").domain_or(None), Ok(0));

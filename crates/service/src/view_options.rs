@@ -1,8 +1,8 @@
-//! The command line.
+//! The command line of `rivet-view`, which is that of `rivet view`.
 
 use std::path::PathBuf;
 
-use rivet_service::{BridgeOptions, within};
+use crate::bridge_options::{BridgeOptions, within};
 
 /// Shows a running robot in Foxglove: serves its messages, friction curves, residuals and states over WebSocket. Reads only.
 #[derive(Clone, Debug, clap::Parser)]
@@ -12,7 +12,7 @@ use rivet_service::{BridgeOptions, within};
     max_term_width = 100,
     after_help = "There is no authentication: who reaches the port can read. Ctrl-C ends it."
 )]
-pub struct Options {
+pub struct ViewOptions {
     /// The robot file.
     #[arg(value_name = "ROBOT.toml")]
     pub robot: PathBuf,
@@ -44,8 +44,8 @@ mod tests {
 
     #[test]
     fn the_command_line_is_sound() {
-        Options::command().debug_assert();
-        let parse = |line: &str| Options::try_parse_from(line.split_whitespace());
+        ViewOptions::command().debug_assert();
+        let parse = |line: &str| ViewOptions::try_parse_from(line.split_whitespace());
         let options = parse("rivet-view robot.toml").expect("all have defaults");
         assert_eq!((options.host.as_str(), options.port, options.rate), ("127.0.0.1", 8765, 100.0));
         for wrong in ["--port 65536", "--rate 0", "--rate nan", "--seconds 0", "--seconds inf"] {
