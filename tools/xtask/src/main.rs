@@ -4,6 +4,7 @@ mod deb;
 mod fuzz;
 mod golden;
 mod install;
+mod mirrors;
 mod sbom;
 
 use clap::{Parser, Subcommand};
@@ -27,6 +28,8 @@ enum Command {
     Fuzz(fuzz::Args),
     /// Hashes diagnoses and exports of a fixed set of cases, or compares them with the stored hashes (--check)
     Golden(golden::Args),
+    /// Writes the C header and the Python module from the messages, or compares them (--check)
+    Mirrors(mirrors::Args),
 }
 
 fn main() -> anyhow::Result<()> {
@@ -36,5 +39,6 @@ fn main() -> anyhow::Result<()> {
         Command::Sbom(args) => sbom::run(&args),
         Command::Fuzz(args) => fuzz::run(&args),
         Command::Golden(args) => golden::run(&args),
+        Command::Mirrors(args) => mirrors::run(&args),
     }
 }
