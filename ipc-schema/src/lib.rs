@@ -42,7 +42,6 @@ mod pubsub;
 mod sample_clock;
 mod service;
 mod survey;
-mod tables;
 mod version;
 mod words;
 
@@ -54,14 +53,7 @@ pub use control::{Answer, ControlClient, ControlServer};
 pub use error::{BusError, PortError, Verdict, VersionMismatch};
 pub use event::{Listener, Notifier, SampleWait};
 pub use layout::{Enumeration, Layout};
-pub use messages::{
-    BODY_VALUES, Command, CommandMode, ConsistentParameters, ControlCommand, ControlReply, ControlRequest,
-    ControlStatus, ControllerHealth, ControllerState, DRIFT_REGIMES, DaemonMode, Drift, DriftRegime, DriftVerdict,
-    HISTOGRAM_BINS, Health, INPUT_FAULTS, InputFault, InstrumentSource, JointState, LinkState, LoadLevel, LoopPhase,
-    MAX_JOINTS, MAX_PARAMETERS, Message, PHASES, ParameterRefusal, ParameterSource, ParameterState, Parameters,
-    PeriodCause, REFUSALS, REPLY_TEXT, STOP_CAUSES, Setpoint, SourceReason, Stamped, StateFolder, StopCause, Timing,
-    UnknownValue, WORST_PERIODS, faults, parameter_flags,
-};
+pub use messages::*;
 pub use name::RobotName;
 pub use old_numbers::OldNumbers;
 pub use one_source::OneSource;
@@ -70,5 +62,4 @@ pub use pubsub::{Publisher, Subscriber};
 pub use sample_clock::SampleClock;
 pub use service::Service;
 pub use survey::{Survey, survey};
-pub use tables::{ENUMERATIONS, MESSAGES};
 pub use words::words;

@@ -54,7 +54,7 @@ wire_enum!(
 );
 
 wire_enum!(
-    /// Whether the arm is still the one that was accepted.
+    /// Whether the arm is still the one that was accepted ([`Drift::verdict`]).
     DriftVerdict {
         /// Too little motion since the model was accepted, or since then in other regimes only.
         Unresolved = 0,

@@ -1,4 +1,7 @@
 //! The messages, one file each: fixed layout, the same bytes in Rust, C and Python.
+//!
+//! A new message is a file here and its `mod` line below. `cargo xtask mirrors` then writes `list.rs`, the C header and the
+//! Python module.
 
 mod command;
 mod consistent_parameters;
@@ -8,24 +11,12 @@ mod drift;
 mod health;
 mod joint_state;
 mod link_state;
+mod list;
 mod parameters;
 mod setpoint;
 mod timing;
 
-pub use command::{Command, CommandMode};
-pub use consistent_parameters::{BODY_VALUES, ConsistentParameters};
-pub use control::{ControlCommand, ControlReply, ControlRequest, ControlStatus, REPLY_TEXT};
-pub use controller_health::{
-    ControllerHealth, ControllerState, ParameterRefusal, ParameterSource, REFUSALS, STOP_CAUSES, SourceReason,
-    StopCause,
-};
-pub use drift::{DRIFT_REGIMES, Drift, DriftRegime, DriftVerdict};
-pub use health::{DaemonMode, HISTOGRAM_BINS, Health, INPUT_FAULTS, InputFault, LoadLevel, StateFolder};
-pub use joint_state::{JointState, faults};
-pub use link_state::LinkState;
-pub use parameters::{InstrumentSource, ParameterState, Parameters, parameter_flags};
-pub use setpoint::Setpoint;
-pub use timing::{LoopPhase, PHASES, PeriodCause, Timing, WORST_PERIODS};
+pub use list::*;
 
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -99,26 +90,31 @@ macro_rules! message {
 }
 pub(crate) use message;
 
-/// An enumeration that travels as `u32` and is checked where it is read.
+/// An enumeration that travels as `u32`, or as the number type after `as`, and is checked where it is read.
 macro_rules! wire_enum {
-    ($(#[$doc:meta])* $name:ident { $($(#[$variant_doc:meta])* $variant:ident = $value:literal),+ $(,)? }) => {
+    ($(#[$doc:meta])* $name:ident { $($variants:tt)+ }) => {
+        wire_enum!($(#[$doc])* $name as u32 { $($variants)+ });
+    };
+    ($(#[$doc:meta])* $name:ident as $number:ident {
+        $($(#[$variant_doc:meta])* $variant:ident = $value:literal),+ $(,)?
+    }) => {
         $(#[$doc])*
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-        #[repr(u32)]
+        #[repr($number)]
         pub enum $name {
             $($(#[$variant_doc])* $variant = $value),+
         }
-        impl From<$name> for u32 {
-            fn from(value: $name) -> u32 {
-                value as u32
+        impl From<$name> for $number {
+            fn from(value: $name) -> $number {
+                value as $number
             }
         }
-        impl TryFrom<u32> for $name {
+        impl TryFrom<$number> for $name {
             type Error = $crate::messages::UnknownValue;
-            fn try_from(value: u32) -> Result<Self, Self::Error> {
+            fn try_from(value: $number) -> Result<Self, Self::Error> {
                 match value {
                     $($value => Ok(Self::$variant),)+
-                    _ => Err($crate::messages::UnknownValue { enumeration: stringify!($name), value }),
+                    _ => Err($crate::messages::UnknownValue { enumeration: stringify!($name), value: value.into() }),
                 }
             }
         }

@@ -71,44 +71,17 @@ pub mod parameter_flags {
     pub const LOAD_SHIFT: u32 = 8;
 }
 
-/// What became of one parameter ([`Parameters::state`]). On the wire one byte.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-#[repr(u8)]
-pub enum ParameterState {
-    /// Held at its nominal value: the data never said anything about it.
-    Unidentified = 0,
-    /// Follows the data.
-    Active = 1,
-    /// Was identified; held since because the present motion does not excite it.
-    Held = 2,
-}
-
-impl ParameterState {
-    /// Names and numbers, for the C header and the Python mirror.
-    pub(crate) const TABLE: crate::layout::Enumeration = crate::layout::Enumeration {
-        name: "ParameterState",
-        values: &[("Unidentified", 0), ("Active", 1), ("Held", 2)],
-    };
-}
-
-impl TryFrom<u8> for ParameterState {
-    type Error = super::UnknownValue;
-
-    fn try_from(value: u8) -> Result<Self, Self::Error> {
-        match value {
-            0 => Ok(Self::Unidentified),
-            1 => Ok(Self::Active),
-            2 => Ok(Self::Held),
-            _ => Err(super::UnknownValue { enumeration: "ParameterState", value: value.into() }),
-        }
+wire_enum!(
+    /// What became of one parameter ([`Parameters::state`]). On the wire one byte.
+    ParameterState as u8 {
+        /// Held at its nominal value: the data never said anything about it.
+        Unidentified = 0,
+        /// Follows the data.
+        Active = 1,
+        /// Was identified; held since because the present motion does not excite it.
+        Held = 2,
     }
-}
-
-impl From<ParameterState> for u8 {
-    fn from(state: ParameterState) -> u8 {
-        state as u8
-    }
-}
+);
 
 wire_enum!(
     /// Where the instruments of the instrumental-variable estimator come from.

@@ -5,6 +5,7 @@ mod fuzz;
 mod golden;
 mod install;
 mod licences;
+mod mirrors;
 mod sbom;
 mod tables;
 
@@ -31,6 +32,8 @@ enum Command {
     Golden(golden::Args),
     /// Puts the tables of docs/tables, which commands wrote, into the pages that show them
     Tables(tables::Args),
+    /// Writes the C header and the Python module from the messages, or compares them (--check)
+    Mirrors(mirrors::Args),
 }
 
 fn main() -> anyhow::Result<()> {
@@ -41,5 +44,6 @@ fn main() -> anyhow::Result<()> {
         Command::Fuzz(args) => fuzz::run(&args),
         Command::Golden(args) => golden::run(&args),
         Command::Tables(args) => tables::run(&args),
+        Command::Mirrors(args) => mirrors::run(&args),
     }
 }
