@@ -2,6 +2,8 @@
 //! fields, and a record of its last second. Nothing here is for a real-time thread but [`Flight::push`] and [`Flight::ask`].
 //!
 //! Without a service manager every call to it does nothing, and the log is plain text on standard error.
+//!
+//! It also defines the command lines of `rivet-ros2` and `rivet-view`: `rivet` describes them without containing those programs.
 
 mod bridge_options;
 mod command_line;
