@@ -67,14 +67,17 @@ fn check(root: &Path) -> Result<()> {
     let mut wrong = Vec::new();
     for (path, text) in generate(root)? {
         let kept = fs::read_to_string(root.join(path)).with_context(|| path.to_owned())?;
-        if kept != text {
-            let line = kept.lines().zip(text.lines()).take_while(|(kept, text)| kept == text).count();
-            let shown = |text: &str| text.lines().nth(line).unwrap_or("(end of file)").trim().to_owned();
-            wrong.push(format!("{path}:{}: {} instead of {}", line + 1, shown(&kept), shown(&text)));
-        }
+        wrong.extend(difference(path, &kept, &text));
     }
     ensure!(wrong.is_empty(), "{}\nwrite the files with `{COMMAND}`", wrong.join("\n"));
     Ok(())
+}
+
+/// The first line in which a file is not what it should be.
+fn difference(path: &str, kept: &str, text: &str) -> Option<String> {
+    let line = kept.lines().zip(text.lines()).take_while(|(kept, text)| kept == text).count();
+    let shown = |text: &str| text.lines().nth(line).unwrap_or("(end of file)").trim().to_owned();
+    (kept != text).then(|| format!("{path}:{}: {:?} instead of {:?}", line + 1, shown(kept), shown(text)))
 }
 
 /// Replaces the line `@name@` of a template.
@@ -114,6 +117,14 @@ mod tests {
     #[test]
     fn committed_files_are_those_of_the_messages() {
         check(workspace().expect("the workspace")).expect("no difference");
+    }
+
+    #[test]
+    fn first_line_that_differs_is_named() {
+        assert_eq!(difference("f", "a\nb\n", "a\nb\n"), None);
+        assert_eq!(difference("f", "a\nb\n", "a\nc\n").expect("differs"), "f:2: \"b\" instead of \"c\"");
+        assert!(difference("f", "a\n", "a\nb\n").expect("differs").starts_with("f:2: \"(end of file)\""));
+        assert!(difference("f", "a", "a\n").is_some());
     }
 
     #[test]
