@@ -154,13 +154,13 @@ fn the_manual_contains_every_page_of_docs() {
 #[test]
 fn every_effect_that_can_be_named_has_a_page() {
     let root = root();
-    let registry = read(&root.join(RULES).join("effect.rs"));
-    let entry = |line: &str| {
-        let (name, rest) = line.split_once('"')?.1.split_once('"')?;
-        let kind = rest.split_whitespace().next()?;
-        ["Value", "Structure"].contains(&kind).then(|| name.to_owned())
+    // Each effect's file has its entry: `About::new("name", kind)`, or `friction` in place of `new`.
+    let entries = |text: &str| -> Vec<String> {
+        let after = ["About::new(\"", "About::friction(\""].into_iter().flat_map(|start| text.split(start).skip(1));
+        after.filter_map(|rest| Some(rest.split_once('"')?.0.to_owned())).collect()
     };
-    let names: Vec<String> = registry.lines().filter_map(entry).collect();
+    let sources = files_below(&root.join(RULES).join("effects"));
+    let names: Vec<String> = sources.iter().flat_map(|path| entries(&read(path))).collect();
     let has_page = |name: &&String| root.join("docs/effects").join(format!("{name}.md")).exists();
     let missing: Vec<&String> = names.iter().filter(|name| !has_page(name)).collect();
     assert!(missing.is_empty(), "no page for {missing:?}");
