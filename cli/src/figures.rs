@@ -4,8 +4,9 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result};
-use rivet_studies::figures::{FIGURES, Figure, REPETITIONS, figure, page};
+use rivet_studies::figures::{FIGURES, Figure, REPETITIONS, figure, page, to_json};
 
+use crate::outputs::{Outputs, write_json};
 use crate::table::{paragraph, show};
 use rivet_analysis::fault::Fault;
 use rivet_analysis::progress::Progress;
@@ -19,6 +20,9 @@ pub(crate) struct Args {
     /// File for the page.
     #[arg(long, value_name = "FILE.html", default_value = "figures.html")]
     out: PathBuf,
+    /// Also write the checks as JSON (docs/operating.md).
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
 }
 
 /// Computes, writes the page, prints the table; fails if a number does not hold.
@@ -33,9 +37,9 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         let there = FIGURES.map(|n| n.to_string()).join(", ");
         return Err(Fault::Usage(format!("figure {unknown} is not computed; there are {there}")).into());
     }
-    rivet_files::writable(&args.out).with_context(|| args.out.display().to_string())?;
+    Outputs::given(Vec::new()).file("--out", Some(&args.out)).file("--json", args.json.as_ref()).check()?;
     let mut figures: Vec<Figure> = Vec::new();
-    let mut progress = Progress::new("computing the figures,", numbers.len());
+    let mut progress = Progress::new("computing the figures", numbers.len());
     for (done, number) in numbers.iter().enumerate() {
         progress.set(done);
         let Some(figure) = figure(*number, REPETITIONS) else { continue };
@@ -44,6 +48,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         figures.push(figure);
     }
     rivet_files::write_whole(&args.out, page(&figures)).with_context(|| args.out.display().to_string())?;
+    write_json(args.json.as_ref(), &to_json(&figures))?;
     show(&format!("page written to {}\n", args.out.display()))?;
     let holds = figures.iter().flat_map(|f| &f.checks).all(|c| c.pass);
     Ok(if holds { ExitCode::SUCCESS } else { ExitCode::FAILURE })

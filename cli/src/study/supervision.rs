@@ -4,9 +4,10 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use rivet_studies::supervision::{Options, Outcome, study, table};
 
+use crate::outputs::{Outputs, write_json};
 use crate::table::show;
 
 /// Arguments of `rivet study supervision`.
@@ -53,6 +54,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     options.tracked.hysteresis = args.hysteresis;
     options.tracked.dwell = args.dwell;
     options.tracked.deflation = !args.no_deflation;
+    Outputs::given(args.arms.iter().map(PathBuf::as_path).collect()).file("--json", args.json.as_ref()).check()?;
     let start = Instant::now();
     let clock = || start.elapsed().as_secs_f64();
     let mut all = serde_json::Map::new();
@@ -62,10 +64,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         show(&format!("{}\n\n{}", robot.config.name, table(&outcomes)))?;
         all.insert(robot.config.name.clone(), outcomes.iter().map(json).collect());
     }
-    if let Some(path) = &args.json {
-        let text = serde_json::to_string_pretty(&all)?;
-        rivet_files::write_whole(path, text).with_context(|| format!("cannot write {}", path.display()))?;
-    }
+    write_json(args.json.as_ref(), &all)?;
     Ok(ExitCode::SUCCESS)
 }
 
