@@ -1,6 +1,7 @@
 //! `rivet bench-loop`: the daemon's loop and cyclictest's way of measuring, side by side on one processor at one priority.
 
-use crate::table::show;
+use crate::doctor::latencies_json;
+use crate::table::{show, show_json};
 use anyhow::{Context, Result};
 use rivet_config::{Robot, Trigger};
 use rivet_daemon::{Channels, Core, Incoming, LoopSettings, Outbound, Progress, RealTimeLoop, Snapshots};
@@ -10,6 +11,7 @@ use rivet_ipc_schema::{
     Timing,
 };
 use rivet_realtime::{Latencies, Overrun, PeriodTimer, RealTimeSettings, Scheduling, Shutdown, now_ns};
+use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::io::ErrorKind;
 use std::path::PathBuf;
@@ -33,6 +35,9 @@ pub(crate) struct Args {
     /// Load on the machine during the measurement.
     #[arg(long, value_enum, default_values_t = [Load::Idle, Load::Stress])]
     load: Vec<Load>,
+    /// Print the distributions as JSON (docs/operating.md).
+    #[arg(long)]
+    json: bool,
 }
 
 /// What runs beside.
@@ -55,10 +60,22 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         lock_memory: true,
         required: false,
     };
+    let mut all = Vec::new();
     for load in &args.load {
         let stress = Stress::start(*load, processors, args.seconds)?;
         let measured = measure(&robot, &settings, Duration::from_secs(args.seconds))?;
-        show(&report(&robot, &stress.what, &settings, &measured))?;
+        if args.json {
+            all.push(as_json(&stress.what, &measured));
+        } else {
+            show(&report(&robot, &stress.what, &settings, &measured))?;
+        }
+    }
+    if args.json {
+        let period_us = robot.config.sample_period_s * 1e6;
+        let (name, scheduling) = (&robot.config.name, settings.scheduling.map(|s| s.to_string()));
+        show_json(
+            &json!({ "robot": name, "scheduling": scheduling, "cpu": cpu, "period_us": period_us, "measurements": all }),
+        )?;
     }
     Ok(ExitCode::SUCCESS)
 }
@@ -264,6 +281,15 @@ fn distributions(text: &mut String, rows: &[(&str, &Latencies)]) {
         }
         text.push('\n');
     }
+}
+
+fn as_json(load: &str, measured: &Measured) -> Value {
+    let Measured { plain, woken, work, done, health, refused, .. } = measured;
+    let [plain, woken, work, done] = [plain, woken, work, done].map(latencies_json);
+    json!({
+        "load": load, "refused": refused, "plain_wake_up": plain, "wake_up": woken, "work": work, "due_to_done": done,
+        "samples": health.samples, "lost": health.lost, "overruns": health.overruns, "load_level": health.load_level,
+    })
 }
 
 fn report(robot: &Robot, what: &str, settings: &RealTimeSettings, measured: &Measured) -> String {

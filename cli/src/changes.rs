@@ -4,12 +4,11 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, Result};
-use rivet_files::write_whole;
 use rivet_report::words::{effect, figure, joints, percent, quantity};
 use rivet_report::{Changes, Document, Number, Pair};
 
 use crate::exit::Mismatch;
-use crate::outputs::Outputs;
+use crate::outputs::{Outputs, write_json};
 use crate::table::{Table, paragraph, show};
 
 /// Arguments of `rivet compare`.
@@ -31,10 +30,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     Outputs::given(vec![&args.a, &args.b]).file("--json", args.json.as_ref()).check()?;
     let (a, b) = (read(&args.a)?, read(&args.b)?);
     let changes = Changes::between(&a, &b).map_err(|rules| Mismatch { a: args.a.clone(), b: args.b.clone(), rules })?;
-    if let Some(path) = &args.json {
-        let text = rivet_files::printable_json(serde_json::to_string_pretty(&changes)? + "\n");
-        write_whole(path, &text).with_context(|| path.display().to_string())?;
-    }
+    write_json(args.json.as_ref(), &changes)?;
     show(&as_text(&changes, &a))?;
     Ok(ExitCode::from(u8::from(!changes.is_same())))
 }

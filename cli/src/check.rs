@@ -4,9 +4,10 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Result;
+use rivet_analysis::robot_json::to_json;
 use rivet_config::Robot;
 
-use crate::table::{paragraph, show};
+use crate::table::{paragraph, show, show_json};
 
 /// Arguments of `rivet check`.
 #[derive(Debug, clap::Args)]
@@ -14,11 +15,18 @@ pub(crate) struct Args {
     /// Robot file.
     #[arg(value_name = "ROBOT.toml")]
     robot: PathBuf,
+    /// Print as JSON (docs/operating.md).
+    #[arg(long)]
+    json: bool,
 }
 
 /// Prints the resolved configuration with doubts, or every mistake.
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let robot = rivet_config::load(&args.robot)?;
+    if args.json {
+        show_json(&to_json(&robot))?;
+        return Ok(ExitCode::SUCCESS);
+    }
     show(&robot.describe())?;
     show(&verdict(&robot))?;
     Ok(ExitCode::SUCCESS)

@@ -8,7 +8,7 @@ use rivet_analysis::convert::{Conversion, convert};
 use serde_json::json;
 
 use crate::map::MapArgs;
-use crate::table::{paragraph, show};
+use crate::table::{paragraph, show, show_json};
 
 /// Names that are listed of columns that are left out.
 const MOST_LISTED: usize = 8;
@@ -40,7 +40,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
                            "file": args.out.display().to_string(), "rows": done.rows, "joints": done.joints,
                            "columns": done.columns, "notes": done.notes, "unused": done.unused,
                            "left_out": done.left_out});
-        show(&rivet_files::printable_json(serde_json::to_string_pretty(&value)? + "\n"))?;
+        show_json(&value)?;
     } else {
         show(&report(args, &done))?;
     }

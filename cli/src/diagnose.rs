@@ -70,7 +70,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     }
     // The command line requires it.
     let robot_file = robot_file.context("no robot file")?;
-    let robot = args.map.apply(rivet_config::load(robot_file)?)?;
+    let robot = args.map.load(robot_file)?;
     let outputs = Outputs::for_logs(&robot, robot_file, &args.logs).file("--keep", args.keep.as_ref());
     outputs
         .file("--json", args.json.as_ref())

@@ -2,11 +2,11 @@
 
 mod bus;
 
-use crate::table::show;
+use crate::table::{show, show_json};
 use anyhow::Result;
 use rivet_config::Robot;
 use rivet_realtime::{Finding, Latencies, Machine, RealTimeSettings, Scheduling, Severity};
-use serde_json::json;
+use serde_json::{Value, json};
 use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -68,8 +68,11 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         findings.push(judge(latencies, period_s, allowed));
     }
     let worst = findings.iter().map(|finding| finding.severity).max().unwrap_or(Severity::Ok);
-    let text = if args.json { as_json(&findings, measured.as_ref(), worst)? } else { as_text(&findings, worst) };
-    show(&text)?;
+    if args.json {
+        show_json(&as_json(&findings, measured.as_ref(), worst))?;
+    } else {
+        show(&as_text(&findings, worst))?;
+    }
     Ok(ExitCode::from(match worst {
         Severity::Ok | Severity::Note => 0,
         Severity::Warning => 1,
@@ -178,7 +181,7 @@ fn as_text(findings: &[Finding], worst: Severity) -> String {
     text
 }
 
-fn as_json(findings: &[Finding], measured: Option<&Latencies>, worst: Severity) -> Result<String> {
+fn as_json(findings: &[Finding], measured: Option<&Latencies>, worst: Severity) -> Value {
     let list: Vec<_> = findings
         .iter()
         .map(|finding| {
@@ -188,12 +191,13 @@ fn as_json(findings: &[Finding], measured: Option<&Latencies>, worst: Severity) 
             })
         })
         .collect();
-    let wakeups = measured.map(|latencies| {
-        json!({
-            "count": latencies.total(), "p50_us": latencies.quantile_us(0.5), "p99_us": latencies.quantile_us(0.99),
-            "p999_us": latencies.quantile_us(0.999), "max_us": latencies.max_ns() as f64 * 1e-3,
-        })
-    });
-    let all = json!({ "severity": worst.to_string(), "findings": list, "wake_ups": wakeups });
-    Ok(rivet_files::printable_json(serde_json::to_string_pretty(&all)? + "\n"))
+    json!({ "severity": worst.to_string(), "findings": list, "wake_ups": measured.map(latencies_json) })
+}
+
+/// How many latencies there are, three quantiles and the largest.
+pub(crate) fn latencies_json(latencies: &Latencies) -> Value {
+    json!({
+        "count": latencies.total(), "p50_us": latencies.quantile_us(0.5), "p99_us": latencies.quantile_us(0.99),
+        "p999_us": latencies.quantile_us(0.999), "max_us": latencies.max_ns() as f64 * 1e-3,
+    })
 }

@@ -4,9 +4,9 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::{Context, Result};
-use rivet_studies::figures::{FIGURES, Figure, REPETITIONS, figure, markdown, page};
+use rivet_studies::figures::{FIGURES, Figure, REPETITIONS, figure, markdown, page, to_json};
 
-use crate::outputs::Outputs;
+use crate::outputs::{Outputs, write_json};
 use crate::table::{paragraph, show};
 use rivet_analysis::fault::Fault;
 use rivet_analysis::progress::Progress;
@@ -23,6 +23,9 @@ pub(crate) struct Args {
     /// Also write what must hold as a table in Markdown.
     #[arg(long, value_name = "FILE")]
     markdown: Option<PathBuf>,
+    /// Also write the checks as JSON (docs/operating.md).
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
 }
 
 /// Computes, writes the page, prints the table; fails if a number does not hold.
@@ -37,9 +40,10 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         let there = FIGURES.map(|n| n.to_string()).join(", ");
         return Err(Fault::Usage(format!("figure {unknown} is not computed; there are {there}")).into());
     }
-    Outputs::given(Vec::new()).file("--out", Some(&args.out)).file("--markdown", args.markdown.as_ref()).check()?;
+    let files = Outputs::given(Vec::new()).file("--out", Some(&args.out)).file("--json", args.json.as_ref());
+    files.file("--markdown", args.markdown.as_ref()).check()?;
     let mut figures: Vec<Figure> = Vec::new();
-    let mut progress = Progress::new("computing the figures,", numbers.len());
+    let mut progress = Progress::new("computing the figures", numbers.len());
     for (done, number) in numbers.iter().enumerate() {
         progress.set(done);
         let Some(figure) = figure(*number, REPETITIONS) else { continue };
@@ -51,6 +55,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     if let Some(path) = &args.markdown {
         rivet_files::write_whole(path, markdown(&figures)).with_context(|| path.display().to_string())?;
     }
+    write_json(args.json.as_ref(), &to_json(&figures))?;
     show(&format!("page written to {}\n", args.out.display()))?;
     let holds = figures.iter().flat_map(|f| &f.checks).all(|c| c.pass);
     Ok(if holds { ExitCode::SUCCESS } else { ExitCode::FAILURE })

@@ -3,13 +3,13 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use rivet_analysis::fault::Fault;
 use rivet_analysis::identify::{Options, identify, identify_each};
 use serde_json::Value;
 
 use crate::map::MapArgs;
-use crate::outputs::Outputs;
+use crate::outputs::{Outputs, write_json};
 use crate::table::show;
 
 /// Arguments of `rivet identify`.
@@ -49,7 +49,7 @@ pub(crate) struct Args {
 
 /// Identifies, prints, exports.
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
-    let robot = args.map.apply(rivet_config::load(&args.robot)?)?;
+    let robot = args.map.load(&args.robot)?;
     let outputs = Outputs::for_logs(&robot, &args.robot, args.logs.iter().chain(&args.hold_out));
     let outputs = outputs.file("--json", args.json.as_ref()).file("--stream", args.stream.as_ref());
     outputs.export(args.export.as_ref()).check()?;
@@ -62,13 +62,13 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     if args.compare {
         let comparison = identify_each(&robot, &args.logs)?;
         show(&comparison.text()?)?;
-        write_json(args, &comparison.to_json())?;
+        write_result(args, &comparison.to_json())?;
         return Ok(ExitCode::SUCCESS);
     }
     let options = Options { held_out: args.hold_out.clone(), refine: args.refine };
     let result = identify(&robot, &args.logs, &options)?;
     show(&result.text())?;
-    write_json(args, &result.to_json())?;
+    write_result(args, &result.to_json())?;
     if let Some(folder) = &args.export {
         result.export(folder)?;
         show(&format!("model written to {}\n", folder.join("model.toml").display()))?;
@@ -76,10 +76,8 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-fn write_json(args: &Args, result: &Value) -> Result<()> {
-    let Some(path) = &args.json else { return Ok(()) };
-    let text = rivet_files::printable_json(format!("{result:#}\n"));
-    rivet_files::write_whole(path, &text).with_context(|| path.display().to_string())?;
-    show(&format!("result written to {}\n", path.display()))?;
-    Ok(())
+fn write_result(args: &Args, result: &Value) -> Result<()> {
+    write_json(args.json.as_ref(), result)?;
+    let written = args.json.as_ref().map(|path| format!("result written to {}\n", path.display()));
+    Ok(show(&written.unwrap_or_default())?)
 }

@@ -7,7 +7,7 @@ use anyhow::Result;
 use rivet_analysis::inspect::inspect;
 
 use crate::map::MapArgs;
-use crate::table::show;
+use crate::table::{show, show_json};
 
 /// Exit codes: usable with a doubt, and not usable as it is.
 const DOUBT: u8 = 1;
@@ -32,8 +32,7 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let inspection = inspect(&args.recording, args.robot.as_deref(), &args.map.entries)?;
     if args.json {
-        let text = serde_json::to_string_pretty(&inspection.to_json())? + "\n";
-        show(&rivet_files::printable_json(text))?;
+        show_json(&inspection.to_json())?;
     } else {
         show(&inspection.text())?;
     }

@@ -27,7 +27,7 @@ pub(crate) fn record(robot: &Robot, config: &BusConfig, seconds: f64, path: &Pat
     let bus = Bus::open(config, &RobotName::new(&robot.config.name)?, "rivet-diagnose")?;
     let mut states = OneSource::new(bus.joint_state_subscriber()?, SILENCE / 2);
     let shutdown = Shutdown::on_signals()?;
-    let mut progress = Progress::new("listening", (1000.0 * seconds) as usize);
+    let mut progress = Progress::new("seconds recorded", seconds.ceil() as usize);
     let mut recorded = Recorded::new(robot);
     let mut last = Instant::now();
     while recorded.seconds() < seconds && !shutdown.is_requested() {
@@ -39,7 +39,7 @@ pub(crate) fn record(robot: &Robot, config: &BusConfig, seconds: f64, path: &Pat
         if last.elapsed() > SILENCE {
             break;
         }
-        progress.set((1000.0 * recorded.seconds()) as usize);
+        progress.set(recorded.seconds() as usize);
         std::thread::sleep(TURN);
     }
     progress.done();

@@ -50,7 +50,7 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Run a simulated arm, the daemon and the controller on this machine, for half a minute
+    /// Run a simulated arm, the daemon and the controller on this machine, for about a minute
     Demo(demo::Args),
     /// Play a log through shared memory into rivetd
     Replay(replay::Args),

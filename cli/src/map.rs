@@ -1,6 +1,9 @@
 //! `--map`: which channels of a recording are which, on the command line.
 
+use std::path::Path;
+
 use anyhow::Result;
+use rivet_analysis::runs::load_robot;
 use rivet_config::Robot;
 
 /// What logs are read by, where their names do not decide.
@@ -12,11 +15,11 @@ pub(crate) struct MapArgs {
 }
 
 impl MapArgs {
-    /// The robot with the channels of the command line in the place of its file's.
+    /// The robot of a file that logs follow, with the channels of the command line in the place of the file's.
     ///
     /// # Errors
-    /// An unknown key, or a value that breaks its rule.
-    pub(crate) fn apply(&self, robot: Robot) -> Result<Robot> {
-        rivet_analysis::map::apply(robot, &self.entries)
+    /// As of [`load_robot`].
+    pub(crate) fn load(&self, robot: &Path) -> Result<Robot> {
+        load_robot(robot, &self.entries)
     }
 }

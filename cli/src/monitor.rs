@@ -4,11 +4,11 @@
 //! real-time loops do not know that it is there.
 
 use crate::control::OnBus;
-use crate::table::show;
+use crate::table::{show, show_json};
 use anyhow::{Result, bail};
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use rivet_ipc_schema::{Bus, RobotName};
-use rivet_monitor::{Ports, Snapshot, View, as_text, draw};
+use rivet_monitor::{Ports, Snapshot, View, as_json, as_text, draw};
 use rivet_realtime::Shutdown;
 use std::io::IsTerminal as _;
 use std::process::ExitCode;
@@ -24,6 +24,9 @@ pub(crate) struct Args {
     /// only; 70: neither
     #[arg(long)]
     once: bool,
+    /// Print one report as JSON and end, as --once does (docs/operating.md)
+    #[arg(long)]
+    json: bool,
     /// Seconds to wait for the first report with --once
     #[arg(long, value_name = "S", default_value_t = 2.0, value_parser = crate::number::seconds)]
     patience: f64,
@@ -41,9 +44,9 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let bus = Bus::open(&config, &RobotName::new(&robot.config.name)?, "rivet-monitor")?;
     let ports = Ports::open(&bus)?;
     let mut snapshot = Snapshot::new(&robot, &config);
-    if args.once || !std::io::stdout().is_terminal() {
+    if args.once || args.json || !std::io::stdout().is_terminal() {
         let patience = Duration::try_from_secs_f64(args.patience).unwrap_or(Duration::ZERO);
-        return once(&ports, &mut snapshot, patience);
+        return once(&ports, &mut snapshot, patience, args.json);
     }
     let shutdown = Shutdown::on_signals()?;
     let mut terminal = ratatui::init();
@@ -56,7 +59,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
 /// What a look tells the shell where only the controller was heard.
 const NO_DAEMON: u8 = 1;
 
-fn once(ports: &Ports, snapshot: &mut Snapshot, patience: Duration) -> Result<ExitCode> {
+fn once(ports: &Ports, snapshot: &mut Snapshot, patience: Duration, as_document: bool) -> Result<ExitCode> {
     let begin = Instant::now();
     // Late subscribers get the last message of each within some milliseconds: once one has come, the others soon have.
     // That the daemon is not there is said only when patience has ended.
@@ -74,7 +77,11 @@ fn once(ports: &Ports, snapshot: &mut Snapshot, patience: Duration) -> Result<Ex
     if snapshot.is_empty() {
         bail!("neither rivetd nor rivet-controller is on this bus");
     }
-    show(&as_text(snapshot))?;
+    if as_document {
+        show_json(&as_json(snapshot))?;
+    } else {
+        show(&as_text(snapshot))?;
+    }
     Ok(if snapshot.health.is_some() { ExitCode::SUCCESS } else { ExitCode::from(NO_DAEMON) })
 }
 
@@ -122,6 +129,11 @@ fn live(
                 KeyCode::Up | KeyCode::Char('k') => view.scroll(-1),
                 KeyCode::PageDown | KeyCode::Char(' ') => view.scroll(10),
                 KeyCode::PageUp => view.scroll(-10),
+                KeyCode::Home => view.scroll(isize::MIN),
+                KeyCode::End => view.scroll(isize::MAX),
+                KeyCode::Right | KeyCode::Char('l') => view.scroll_columns(1),
+                KeyCode::Left | KeyCode::Char('h') => view.scroll_columns(-1),
+                KeyCode::Tab | KeyCode::BackTab => view.turn(),
                 _ => {}
             }
         }

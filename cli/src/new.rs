@@ -6,9 +6,10 @@ use std::process::ExitCode;
 use anyhow::{Context, Result};
 use rivet_analysis::fault::Fault;
 use rivet_analysis::robot_file::robot_file;
+use serde_json::json;
 
 use crate::check;
-use crate::table::{paragraph, show};
+use crate::table::{paragraph, show, show_json};
 
 /// Arguments of `rivet new`.
 #[derive(Debug, clap::Args)]
@@ -28,6 +29,9 @@ pub(crate) struct Args {
     /// Write over a file that is there.
     #[arg(long)]
     force: bool,
+    /// Print what is unknown as JSON (docs/operating.md).
+    #[arg(long)]
+    json: bool,
 }
 
 /// Writes the file, reads it back and reports what is unknown.
@@ -42,6 +46,9 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     }
     let folder = if to_output { Path::new("") } else { args.output.parent().unwrap_or(Path::new("")) };
     let new = robot_file(&args.urdf, &args.logs, &args.gravity, folder)?;
+    if to_output && args.json {
+        return Err(Fault::Usage("--json prints where --output - writes: give a file with --output".to_owned()).into());
+    }
     if to_output {
         show(&new.text)?;
         return Ok(ExitCode::SUCCESS);
@@ -49,6 +56,12 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     // What is written has to load.
     let robot = rivet_config::parse(&args.output, &new.text)?;
     rivet_files::write_whole(&args.output, &new.text).with_context(|| args.output.display().to_string())?;
+    if args.json {
+        let file = args.output.display().to_string();
+        let value = json!({"file": file, "unknown": new.unknown, "notes": robot.notes(), "warnings": robot.warnings()});
+        show_json(&value)?;
+        return Ok(ExitCode::SUCCESS);
+    }
     show(&format!("written to {}\n", args.output.display()))?;
     if !new.unknown.is_empty() {
         let text = format!("{}. The file marks them; parameters among them have a wide prior", new.unknown.join("; "));

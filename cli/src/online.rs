@@ -16,7 +16,7 @@ pub(crate) fn run(robot: &Robot, log: &Path, stream_file: Option<&Path>, json: O
     rivet_files::note(&recording.report);
     let mut core = Core::new(robot).context("the estimator refuses the settings")?;
     let mut stream: Vec<Parameters> = Vec::new();
-    let mut progress = rivet_analysis::progress::Progress::new("identifying", recording.len());
+    let mut progress = rivet_analysis::progress::Progress::new("identifying samples", recording.len());
     for k in 0..recording.len() {
         let period = recording.period(k);
         if core.tick_with_link(&period.state, period.setpoint.as_ref(), period.link.as_ref()).publish {

@@ -80,6 +80,16 @@ impl<'a> Outputs<'a> {
     }
 }
 
+/// Writes the value into the file of `--json`, where one was asked for.
+///
+/// # Errors
+/// The file cannot be written.
+pub(crate) fn write_json(path: Option<&PathBuf>, value: &impl serde::Serialize) -> Result<()> {
+    let Some(path) = path else { return Ok(()) };
+    let text = rivet_files::printable_json(serde_json::to_string_pretty(value)? + "\n");
+    rivet_files::write_whole(path, &text).with_context(|| path.display().to_string())
+}
+
 fn refused(option: &str, path: &Path, why: &str) -> anyhow::Error {
     Fault::Usage(format!("{option} {} {why}; name another place", path.display())).into()
 }

@@ -13,7 +13,7 @@ use rivet_recording::{About, Content, Counts, Derived, Ports, Received, Recorder
 use serde_json::json;
 
 use crate::control::OnBus;
-use crate::table::{Table, number, show};
+use crate::table::{Table, number, show, show_json};
 
 /// Time between two looks at the bus: its rings hold a thousand samples.
 const TURN: Duration = Duration::from_millis(5);
@@ -90,7 +90,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     if args.json {
         let value = json!({"file": args.out.display().to_string(), "seconds": seconds(span), "bytes": bytes,
                            "foreign": counts.foreign, "services": counts.services});
-        show(&rivet_files::printable_json(serde_json::to_string_pretty(&value)? + "\n"))?;
+        show_json(&value)?;
     } else {
         show(&report(args, seconds(span), bytes, &counts))?;
     }

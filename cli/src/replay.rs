@@ -78,7 +78,7 @@ struct Received {
 }
 
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
-    let robot = args.map.apply(rivet_config::load(&args.robot)?)?;
+    let robot = args.map.load(&args.robot)?;
     let outputs = Outputs::for_logs(&robot, &args.robot, [&args.log]).file("--stream", args.stream.as_ref());
     outputs.file("--json", args.json.as_ref()).check()?;
     let recording = Recording::read(&robot, &args.log)?;
@@ -177,7 +177,7 @@ fn play(
 ) -> Result<Received> {
     let mut received = Received::default();
     let begin = Instant::now();
-    let mut progress = rivet_analysis::progress::Progress::new("replaying", recording.len());
+    let mut progress = rivet_analysis::progress::Progress::new("replaying samples", recording.len());
     for k in 0..recording.len() {
         let period = recording.period(k);
         if let Speed::Factor(factor) = speed {

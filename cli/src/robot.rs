@@ -9,7 +9,7 @@ use rivet_robots::ur::{self, Settings, Summary, UrError};
 use serde_json::json;
 
 use crate::control::OnBus;
-use crate::table::{number, show};
+use crate::table::{number, show, show_json};
 
 /// Which robot.
 #[derive(clap::Subcommand)]
@@ -79,7 +79,7 @@ fn universal_robots(args: &UrArgs) -> Result<ExitCode> {
             "torque_field": summary.torque_field, "period_s": period_s, "seconds": seconds, "samples": samples,
             "lost": lost, "repeated": repeated, "with_fault_bit": with_fault_bit, "not_sent": not_sent,
             "connections": connections, "restarts": restarts, "texts": texts});
-        show(&rivet_files::printable_json(serde_json::to_string_pretty(&value)? + "\n"))?;
+        show_json(&value)?;
     } else {
         show(&format!(
             "{name}: {samples} samples in {} s, {lost} lost, {not_sent} not sent, {with_fault_bit} with a fault bit, \

@@ -8,9 +8,11 @@ mod strangers;
 mod supervision;
 mod withheld;
 
+use crate::outputs::{Outputs, write_json};
 use crate::table::show;
 use anyhow::{Context, Result};
 use rivet_studies::tracking::{ARMS, Tracking, tracking};
+use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -51,6 +53,9 @@ pub(crate) struct TrackingArgs {
     /// Number of seeds, with one line each at the end
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1000))]
     seeds: u64,
+    /// Also write the figures as JSON.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
 }
 
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
@@ -72,17 +77,21 @@ fn run_tracking(args: &TrackingArgs) -> Result<ExitCode> {
         (Some(robot), Some(payload)) => vec![(robot.clone(), payload)],
         _ => ARMS.iter().map(|(arm, payload)| (args.robots.join(arm).join("robot.toml"), *payload)).collect(),
     };
+    Outputs::given(arms.iter().map(|(file, _)| file.as_path()).collect()).file("--json", args.json.as_ref()).check()?;
     let mut kept = true;
     let mut lines = String::new();
-    for (file, payload) in arms {
-        let robot = rivet_config::load(&file)?;
+    let mut all: Vec<Value> = Vec::new();
+    for (file, payload) in &arms {
+        let robot = rivet_config::load(file)?;
         for seed in (args.seed..).take(args.seeds as usize) {
-            let table = tracking(&robot, payload, seed).context("the estimator refuses the settings")?;
+            let table = tracking(&robot, *payload, seed).context("the estimator refuses the settings")?;
             show(&table.to_string())?;
             kept &= table.keeps_bounds();
             lines += &line(&table, seed);
+            all.push(json!({ "seed": seed, "table": table.to_json() }));
         }
     }
+    write_json(args.json.as_ref(), &all)?;
     if args.seeds > 1 {
         show("arm             seed   live/nominal     live/true    furthest    first live  changes seen\n")?;
         show(&lines)?;

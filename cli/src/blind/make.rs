@@ -15,7 +15,7 @@ use rivet_simulation::two_mass::Recording;
 use rivet_studies::blind::{Case, PERIOD_S, case};
 use serde_json::{Value, json};
 
-use crate::table::show;
+use crate::table::{show, show_json};
 use rivet_analysis::passport::sha256;
 
 /// Arms of which cases are made when no robot file is named.
@@ -44,6 +44,9 @@ pub(crate) struct Args {
     /// Cases in parallel.
     #[arg(long, default_value_t = thread::available_parallelism().map_or(1, usize::from))]
     jobs: usize,
+    /// Print where the cases and answers are as JSON (docs/operating.md).
+    #[arg(long)]
+    json: bool,
 }
 
 /// A robot with what a case keeps of its file.
@@ -149,6 +152,13 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let text = rivet_files::printable_json(serde_json::to_string_pretty(&*lock(&answers))? + "\n");
     write_whole(&answers_path, &text).with_context(|| answers_path.display().to_string())?;
     let hash = sha256(&answers_path)?;
+    if args.json {
+        let [folder, answers] = [&args.out, &answers_path].map(|path| path.display().to_string());
+        show_json(
+            &json!({ "seed": args.seed, "cases": args.count, "folder": folder, "answers": answers, "answers_sha256": hash }),
+        )?;
+        return Ok(ExitCode::SUCCESS);
+    }
     show(&format!(
         "answers  sha256 {hash}\n         {}\ncases    {} in {}\nnext     rivet blind run {} --out VERDICTS.json\n",
         answers_path.display(),

@@ -12,7 +12,7 @@ use rivet_files::write_whole;
 use rivet_report::Document;
 use serde_json::{Value, json};
 
-use crate::table::show;
+use crate::table::{show, show_json};
 
 /// Arguments of `rivet blind run`.
 #[derive(Debug, clap::Args)]
@@ -26,6 +26,9 @@ pub(crate) struct Args {
     /// Cases in parallel.
     #[arg(long, default_value_t = thread::available_parallelism().map_or(1, usize::from))]
     jobs: usize,
+    /// Print the counts as JSON (docs/operating.md).
+    #[arg(long)]
+    json: bool,
 }
 
 /// Runs all cases; a case that fails has its error as its verdict.
@@ -52,6 +55,14 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let failed = verdicts.values().filter(|v| v.get("error").is_some()).count();
     write_whole(&args.out, rivet_files::printable_json(serde_json::to_string_pretty(&verdicts)? + "\n"))
         .with_context(|| args.out.display().to_string())?;
+    if args.json {
+        let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+        verdicts.values().for_each(|v| *counts.entry(v["verdict"].as_str().unwrap_or("failed")).or_default() += 1);
+        show_json(
+            &json!({ "file": args.out.display().to_string(), "cases": verdicts.len(), "failed": failed, "verdicts": counts }),
+        )?;
+        return Ok(ExitCode::from(u8::from(failed > 0)));
+    }
     show(&format!("{} verdicts written to {}, {failed} failed\n", verdicts.len(), args.out.display()))?;
     Ok(ExitCode::from(u8::from(failed > 0)))
 }

@@ -5,11 +5,10 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context, Result, bail};
-use rivet_files::write_whole;
 use rivet_report::{Bin, CONFIDENCES, Group, Outcome, Prediction, STRENGTHS, Score};
 use serde::Deserialize;
 
-use crate::outputs::Outputs;
+use crate::outputs::{Outputs, write_json};
 use crate::table::{Table, paragraph, show};
 
 /// Effects with less torque than this, in units of the torque noise, nobody can see.
@@ -145,12 +144,9 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     }
     tally.0.outcomes.sort_by(|a, b| a.truth.cmp(&b.truth));
     tally.0.groups.sort_by_key(|g| (g.wrong_nominal, g.effects));
-    if let Some(path) = &args.json {
-        let text = rivet_files::printable_json(serde_json::to_string_pretty(&tally.0)? + "\n");
-        write_whole(path, &text).with_context(|| path.display().to_string())?;
-    }
+    write_json(args.json.as_ref(), &tally.0)?;
     if let Some(path) = &args.markdown {
-        write_whole(path, tally.0.markdown()).with_context(|| path.display().to_string())?;
+        rivet_files::write_whole(path, tally.0.markdown()).with_context(|| path.display().to_string())?;
     }
     show(&table.text())?;
     show(&tally.text())?;

@@ -4,9 +4,9 @@
 mod hidden;
 mod screen;
 mod table;
-mod tracking;
 
 use crate::children::Children;
+use crate::outputs::{Outputs, write_json};
 use crate::table::show;
 use anyhow::{Context, Result, bail};
 use hidden::Hidden;
@@ -16,12 +16,12 @@ use rivet_config::Robot;
 use rivet_files::Draft;
 use rivet_ipc_schema::{Bus, BusConfig, Health, JointState, Parameters, PrivateBus, RobotName, Setpoint, Subscriber};
 use rivet_realtime::Shutdown;
+use rivet_studies::phase_tracking::Tracking;
 use screen::{Frame, Screen};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
-use tracking::Tracking;
 
 /// Shows the whole loop and a diagnosis on this machine: no robot, no privileges, about a minute.
 ///
@@ -39,12 +39,15 @@ pub(crate) struct Args {
     /// Keep the working folder (logs of the processes, true values) here.
     #[arg(long, value_name = "DIR")]
     keep: Option<PathBuf>,
+    /// Also write the result as JSON (docs/operating.md).
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
 }
 
 impl Default for Args {
     /// As `rivet demo` without a word has them.
     fn default() -> Args {
-        Args { robot: None, seed: SEED, parameters: false, keep: None }
+        Args { robot: None, seed: SEED, parameters: false, keep: None, json: None }
     }
 }
 
@@ -151,6 +154,21 @@ fn folder(keep: Option<&Path>, private: &PrivateBus) -> Result<PathBuf> {
 }
 
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
+    Outputs::given(args.robot.iter().map(PathBuf::as_path).collect()).file("--json", args.json.as_ref()).check()?;
+    match demonstrate(args) {
+        Err(why) if is_reader_gone(&why) => Ok(ExitCode::from(READER_GONE)),
+        ended => ended,
+    }
+}
+
+/// Exit code where the reader of standard output has seen enough (`| head`), as a shell counts SIGPIPE.
+const READER_GONE: u8 = 141;
+
+fn is_reader_gone(why: &anyhow::Error) -> bool {
+    why.downcast_ref::<std::io::Error>().is_some_and(|why| why.kind() == std::io::ErrorKind::BrokenPipe)
+}
+
+fn demonstrate(args: &Args) -> Result<ExitCode> {
     let shutdown = Shutdown::on_signals().context("signals cannot be handled")?;
     rivet_ipc_schema::sweep_private();
     // Declared in this order, so that children end before their bus is swept away.
@@ -187,6 +205,9 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let found = hidden::diagnose(&files, &shutdown)?;
     let adopted = if model.exists() { Some(adopt(args, &model, &files, &shutdown)?) } else { None };
     let result = table::Table { robot: &robot, reference: &reference, first: &received, adopted: adopted.as_ref() };
+    let mut value = result.to_json();
+    (value["seed"], value["hidden"]) = (args.seed.into(), hidden.to_json(&found));
+    write_json(args.json.as_ref(), &value)?;
     if args.parameters {
         show(&result.details())?;
     }

@@ -1,13 +1,13 @@
 //! The live screen: redrawn in place on a terminal, a line now and then elsewhere.
 
 use super::Acting;
-use super::tracking::Tracking;
-use crate::table::{show, show_picture};
+use crate::table::{show_picture, show_to_reader};
 use ratatui::crossterm::terminal;
 use rivet_analysis::true_values::GROUPS;
 use rivet_config::Robot;
 use rivet_ipc_schema::Health;
 use rivet_realtime::LogHistogram;
+use rivet_studies::phase_tracking::Tracking;
 use std::fmt::Write as _;
 use std::io::{self, IsTerminal};
 use std::time::{Duration, Instant};
@@ -65,7 +65,7 @@ impl Screen {
     /// Draws, if it is time for that. A terminal that is gone is no error: the demonstration still has its exit code.
     ///
     /// # Errors
-    /// The output cannot be written for another reason.
+    /// The output cannot be written for another reason, or is a pipe whose reader is gone.
     pub(crate) fn draw_if_due(&mut self, frame: &Frame<'_>) -> io::Result<()> {
         if Instant::now() < self.next {
             return Ok(());
@@ -77,7 +77,7 @@ impl Screen {
         }
         let text = if self.terminal { self.fitted(frame, terminal::size().unwrap_or(USUAL_SIZE)) } else { line(frame) };
         if !self.terminal {
-            return show(&text);
+            return show_to_reader(&text);
         }
         let redrawn = redrawn(&text, self.lines);
         self.lines = text.lines().count();

@@ -5,6 +5,7 @@ use rivet_analysis::true_values::{GROUPS, Reference};
 use rivet_config::Robot;
 use rivet_dynamics::ParameterGroup;
 use rivet_ipc_schema::{Health, ParameterState};
+use serde_json::{Value, json};
 use std::fmt::{self, Write as _};
 
 /// Everything the demonstration promises, and whether it held.
@@ -59,6 +60,19 @@ impl Table<'_> {
             && tracking_patched < tracking
             && self.parameter_errors().is_some_and(|(before, after)| after < before)
             && self.first.health.is_some_and(|health| health.lost == 0)
+    }
+
+    /// The figures of the table as JSON; null where a run is missing.
+    pub(crate) fn to_json(&self) -> Value {
+        let models = |[robot_file, identified, patched]: [f64; 3]| json!({ "robot_file": robot_file, "identified": identified, "patched": patched });
+        let parameters = self
+            .parameter_errors()
+            .map(|(robot_file, identified)| json!({ "robot_file": robot_file, "identified": identified }));
+        json!({
+            "robot": self.robot.config.name, "torque_error_percent": models(self.torque()),
+            "tracking_error_mrad": models(self.tracking()), "parameter_error_percent": parameters,
+            "lost": self.first.health.map(|health| health.lost), "is_improved": self.improved(),
+        })
     }
 
     /// Tracking error of each joint, then every friction, rotor and offset parameter: robot file, truth, estimate and its standard
@@ -128,6 +142,11 @@ impl Table<'_> {
     }
 }
 
+/// By how much the first is more than the second \[%\].
+fn more(first: f64, second: f64) -> f64 {
+    100.0 * (first / second - 1.0)
+}
+
 impl fmt::Display for Table<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Some(p) = &self.first.parameters {
@@ -153,6 +172,64 @@ impl fmt::Display for Table<'_> {
         }
         self.write_coverage(f)?;
         let verdict = if self.improved() { "improved" } else { "NOT improved" };
-        write!(f, "torque error, tracking error and parameter error: {verdict}")
+        write!(f, "compared with the robot file: torque, tracking and parameter error {verdict}")?;
+        if self.adopted.is_some() {
+            let [torque, tracking] =
+                [self.torque(), self.tracking()].map(|[_, identified, patched]| more(patched, identified));
+            write!(
+                f,
+                "\npatched compared with identified: torque error {torque:+.0} %, tracking error {tracking:+.0} %"
+            )?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rivet_ipc_schema::{JointState, Setpoint};
+    use rivet_studies::phase_tracking::Tracking;
+
+    /// A run whose phases have these tracking errors \[rad\] and whose residuals are these \[N m\], nominal and now.
+    fn run(dof: usize, errors: &[f64], [nominal, now]: [f64; 2]) -> Received {
+        let mut tracking = Tracking::new(dof, (1..=errors.len() as u64).map(|k| k..k + 1).collect());
+        for (seq, error) in (1..).zip(errors) {
+            let mut setpoint = Setpoint { seq, ..Setpoint::default() };
+            setpoint.q[..dof].fill(*error);
+            tracking.setpoint(&setpoint);
+            tracking.state(&JointState { seq, ..JointState::default() });
+        }
+        let mut health = Health::default();
+        health.nominal_residual_rms.fill(nominal);
+        health.residual_rms.fill(now);
+        Received { tracking, parameters: None, health: Some(health), samples: 0 }
+    }
+
+    #[test]
+    fn says_what_is_compared_with_what() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let robot = rivet_config::load(crate::demo::unpack(folder.path()).expect("the built-in robot")).expect("sound");
+        let reference = Reference::new(&robot, robot.nominal_base.clone());
+        let first = run(robot.dof(), &[8e-3, 2e-3], [10.0, 1.0]);
+        let adopted = run(robot.dof(), &[2.5e-3], [0.5, 0.1]);
+        let table = Table { robot: &robot, reference: &reference, first: &first, adopted: Some(&adopted) };
+        let text = table.to_string();
+        assert!(
+            text.contains("compared with the robot file: torque, tracking and parameter error NOT improved"),
+            "{text}"
+        );
+        assert!(
+            text.ends_with("patched compared with identified: torque error -50 %, tracking error +25 %"),
+            "a patched model that tracks worse is called that:\n{text}"
+        );
+        let value = table.to_json();
+        assert!((value["tracking_error_mrad"]["patched"].as_f64().expect("a number") - 2.5).abs() < 1e-9, "{value}");
+        assert_eq!((&value["is_improved"], &value["parameter_error_percent"]), (&false.into(), &Value::Null));
+        let alone = Table { adopted: None, ..table };
+        assert!(
+            !alone.to_string().contains("patched compared")
+                && alone.to_json()["torque_error_percent"]["patched"].is_null()
+        );
     }
 }

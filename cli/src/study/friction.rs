@@ -6,14 +6,13 @@ use std::process::ExitCode;
 use anyhow::{Context, Result};
 use rivet_config::Robot;
 use rivet_diagnosis::{Ladder, Run, Rung, friction_ladder};
-use rivet_files::write_whole;
 use serde_json::{Value, json};
 
-use crate::outputs::Outputs;
+use crate::outputs::{Outputs, write_json};
 use crate::table::{Table, show};
 use rivet_analysis::fault::Fault;
 use rivet_analysis::progress::Progress;
-use rivet_analysis::runs::{pieces, read_log, runs};
+use rivet_analysis::runs::{load_robot, pieces, read_log, runs};
 
 /// Standard errors by which a law must differ from Coulomb and viscous friction to be called better or worse.
 const SURE: f64 = 2.0;
@@ -48,7 +47,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     if args.folds.len() < 2 {
         return Err(Fault::Usage("one --fold leaves nothing to fit to: give two or more".to_owned()).into());
     }
-    let robot = rivet_config::load(&args.robot)?;
+    let robot = load_robot(&args.robot, &[])?;
     let logs = args.folds.iter().flat_map(|fold| &fold.0);
     Outputs::for_logs(&robot, &args.robot, logs).file("--json", args.json.as_ref()).check()?;
     let folds: Vec<Vec<Run>> = args
@@ -56,18 +55,15 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         .iter()
         .map(|fold| fold.0.iter().map(|log| read(&robot, log)).collect::<Result<Vec<_>>>().map(|logs| logs.concat()))
         .collect::<Result<_>>()?;
-    let mut line = Progress::new("laws of friction", 100);
+    let mut line = Progress::new("fitting laws of friction", 1);
     let ladder =
         friction_ladder(&robot.model, &robot.nominal, &folds, robot.config.signal.model_filter_hz, &mut |done, of| {
-            line.set(100 * done / of);
+            line.set_of(done, of);
         });
     line.done();
     let ladder = ladder?;
     show(&text(&robot, &ladder))?;
-    if let Some(path) = &args.json {
-        write_whole(path, format!("{:#}\n", to_json(&robot, &args.folds, &ladder)))
-            .with_context(|| path.display().to_string())?;
-    }
+    write_json(args.json.as_ref(), &to_json(&robot, &args.folds, &ladder))?;
     Ok(ExitCode::SUCCESS)
 }
 

@@ -7,6 +7,7 @@ use anyhow::{Context, Result, bail};
 use rivet_files::{writable, write_whole};
 use serde_json::Value;
 
+use crate::outputs::write_json;
 use crate::table::show;
 use rivet_analysis::fault::Fault;
 
@@ -84,9 +85,7 @@ impl Args {
         if let Some(path) = &self.markdown {
             write_whole(path, table).with_context(|| path.display().to_string())?;
         }
-        if let Some(path) = &self.json {
-            write_whole(path, format!("{:#}\n", findings.json)).with_context(|| path.display().to_string())?;
-        }
+        write_json(self.json.as_ref(), &findings.json)?;
         if !findings.failed.is_empty() {
             bail!("{}", findings.failed.join("\n"));
         }

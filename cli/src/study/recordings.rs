@@ -35,7 +35,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         Ok(found) => Ok(found.map(|(name, joints, probability)| Found { name: name.to_owned(), joints, probability })),
         Err(why) => Err(format!("{why:#}")),
     };
-    let mut progress = Progress::new("reading drawn recordings,", *drawn as usize);
+    let mut progress = Progress::new("reading drawn recordings", *drawn as usize);
     let (outcomes, failed) = with_engine(|engine| {
         let places = [&measured.root, &measured.data, folder.path()];
         recordings::run(places, *drawn as usize, *seed, engine, &judge, &mut |done| progress.set(done))

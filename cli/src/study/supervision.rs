@@ -7,7 +7,7 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use rivet_studies::supervision::{Options, Outcome, study, table};
 
-use crate::outputs::Outputs;
+use crate::outputs::{Outputs, write_json};
 use crate::table::show;
 
 /// Arguments of `rivet study supervision`.
@@ -57,7 +57,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     options.tracked.hysteresis = args.hysteresis;
     options.tracked.dwell = args.dwell;
     options.tracked.deflation = !args.no_deflation;
-    let files = Outputs::given(Vec::new()).file("--json", args.json.as_ref());
+    let files = Outputs::given(args.arms.iter().map(PathBuf::as_path).collect()).file("--json", args.json.as_ref());
     files.file("--markdown", args.markdown.as_ref()).check()?;
     let start = Instant::now();
     let clock = || start.elapsed().as_secs_f64();
@@ -74,10 +74,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     if let Some(path) = &args.markdown {
         rivet_files::write_whole(path, tables).with_context(|| path.display().to_string())?;
     }
-    if let Some(path) = &args.json {
-        let text = serde_json::to_string_pretty(&all)?;
-        rivet_files::write_whole(path, text).with_context(|| format!("cannot write {}", path.display()))?;
-    }
+    write_json(args.json.as_ref(), &all)?;
     Ok(ExitCode::SUCCESS)
 }
 

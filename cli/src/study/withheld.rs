@@ -27,8 +27,8 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         let pieces = runs::pieces(log, log.median_step_s()).map_err(text)?;
         runs::runs(&log.path, &pieces).map_err(text)
     };
-    let line = RefCell::new(Progress::new("parts taken away", 100));
-    let progress = |done: usize, of: usize| line.borrow_mut().set(100 * done / of.max(1));
+    let line = RefCell::new(Progress::new("diagnosing without parts", 1));
+    let progress = |done: usize, of: usize| line.borrow_mut().set_of(done, of);
     let engine = withheld::Engine { read: &read, identify: &identify, runs: &runs, progress: &progress };
     let (arms, skipped, failed) = withheld::run(&args.root, &args.data, &engine);
     line.borrow_mut().done();

@@ -15,7 +15,7 @@ use crate::glitches::{JUMP_NAME, WRAPPED_NAME, bridged, refuse_most};
 use crate::gravity_free::{GravityFree, confused_with_gravity};
 use crate::passport::{Source, passport};
 use crate::patched;
-use crate::progress::Progress;
+use crate::progress::DiagnosisProgress;
 use crate::reading;
 use crate::rollout::{rollout, undriven};
 use crate::runs;
@@ -23,8 +23,6 @@ use crate::self_check::self_check;
 use crate::session;
 use crate::table::{Table, WIDTH, paragraph};
 
-/// Share of the work that is left after each thing said.
-const STEP_LEAVES: f64 = 0.9;
 /// Effects that are values of the file.
 const VALUES: [&str; 4] = ["link_inertia", "rotor_inertia", "coulomb_friction", "viscous_friction"];
 /// Names of two joints are both told where they are no longer together.
@@ -70,16 +68,13 @@ pub fn diagnose(robot: &Robot, inputs: &Inputs<'_>) -> Result<Diagnosed> {
     runs::check_distinct(sources.iter().map(|s| (s.path, &s.log)))?;
     let (robot, nothing_to_compare) = with_bodies(robot.clone(), &sources.iter().map(|s| &s.log).collect::<Vec<_>>())?;
     stood.extend(nothing_to_compare);
-    let mut progress = Progress::new("diagnosing", 1000);
-    let mut remaining_share = 1.0;
+    let mut progress = DiagnosisProgress::new("diagnosing");
     let mut say = |line: &str| {
         if inputs.is_verbose {
             session::note(line);
             return;
         }
-        // How often effects are looked for is not known before: what is said takes its share of what is left.
-        remaining_share *= STEP_LEAVES;
-        progress.set((1000.0 * (1.0 - remaining_share)) as usize);
+        progress.say(line);
     };
     let live = inputs.is_last_live;
     let all = runs_of(&sources, live)?;

@@ -267,7 +267,7 @@ fn read_logs(robot: &Robot, logs: &[PathBuf]) -> Result<Vec<Log>> {
 
 /// The stretches of every log and their rows, filtered, and what stands for the contents of each log.
 fn read_rows(robot: &Robot, logs: &[PathBuf]) -> Result<Taken> {
-    let mut progress = Progress::new("identify: filtering", logs.len());
+    let mut progress = Progress::new("filtering logs", logs.len());
     let (mut all, mut still) = (Taken::default(), None);
     for (k, path) in logs.iter().enumerate() {
         progress.set(k);

@@ -83,7 +83,10 @@ pub fn inspect(recording: &Path, robot: Option<&Path>, map: &[String]) -> Result
     }
     if refused.is_none() {
         match read_as(recording, &arm.options(), &naming) {
-            Ok(read) => log = Some(read),
+            Ok(read) => match runs::check_time(&read) {
+                Ok(()) => log = Some(read),
+                Err(why) => refused = Some(why.fault.to_string()),
+            },
             Err(why) if matches!(why.fault, LogFault::Io(_)) => return Err(why.into()),
             Err(why) => refused = Some(why.fault.to_string()),
         }
@@ -176,6 +179,7 @@ fn robot_of(path: &Path, log: Option<&Log>) -> Result<Robot> {
         return Ok(rivet_config::load(path)?);
     }
     robot_file::of_urdf(path, log)
+        .map_err(|why| runs::wrong_order(path, "RECORDING ROBOT.toml, or RECORDING URDF").unwrap_or(why))
 }
 
 /// The most probable reading of positions and torques.

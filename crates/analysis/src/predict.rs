@@ -9,6 +9,7 @@ use rivet_config::Robot;
 use rivet_diagnosis::{Run, memory_torque, unseen};
 use rivet_estimation::offline::{Smoothing, Trajectory, ZeroPhase, position_noise, position_step, predict_smoothed};
 use rivet_logs::{Log, interpolate, write_table};
+use serde_json::{Value, json};
 
 use crate::coarse::coarse;
 use crate::evidence::Distrust;
@@ -133,6 +134,19 @@ impl Prediction {
         let mut columns: Vec<(&str, &[f64])> = vec![("t", &self.t)];
         columns.extend(names.iter().map(String::as_str).zip(self.tau.iter().map(Vec::as_slice)));
         Ok(write_table(path, &columns)?)
+    }
+
+    /// The report as JSON: errors of each joint \[%\] as of [`errors_percent`](Self::errors_percent), null of a log without torque.
+    pub fn to_json(&self) -> Value {
+        let errors = self.errors_percent();
+        let joints = self.joints.iter().enumerate().map(|(j, joint)| {
+            let of = |k: usize| errors.as_ref().map(|errors| errors[j][k]);
+            json!({ "joint": joint, "error_percent": of(0), "filtered_error_percent": of(1) })
+        });
+        json!({
+            "robot": self.robot, "log": self.log, "is_identified": self.is_identified, "rows": self.t.len(),
+            "filter_hz": self.filter_hz, "resampling": self.resampling, "joints": joints.collect::<Vec<_>>(),
+        })
     }
 
     /// The report as text.

@@ -9,6 +9,7 @@ use rivet_estimation::offline::position_step;
 use rivet_logs::{ChannelMap, Log, Naming, ReadOptions, read_as};
 
 use crate::fault::Fault;
+use crate::runs;
 use crate::table::number;
 
 /// Steps towards a chain: each mends what the one before left.
@@ -39,15 +40,20 @@ pub struct RobotFile {
 /// # Errors
 /// The URDF is no arm, or a log cannot be read.
 pub fn robot_file(urdf: &Path, logs: &[PathBuf], gravity: &[f64], folder: &Path) -> Result<RobotFile> {
-    let text =
-        rivet_files::read_text(urdf, rivet_config::MAX_FILE_BYTES).with_context(|| urdf.display().to_string())?;
-    let (arm, options) = chain(&text).map_err(|why| Fault::Config(refusal(urdf, &why)))?;
+    let (arm, options) = arm_of(urdf).map_err(|why| runs::wrong_order(urdf, "URDF LOG...").unwrap_or(why))?;
     let names: Vec<String> = arm.arm.joints.iter().map(|joint| joint.name.clone()).collect();
     let logs: Vec<Log> = logs
         .iter()
         .map(|path| {
             let naming = Naming { joints: &names, map: &ChannelMap::default() };
-            read_as(path, &ReadOptions::new(arm.arm.dof()), &naming).map_err(anyhow::Error::new)
+            let log = read_as(path, &ReadOptions::new(arm.arm.dof()), &naming)?;
+            // There is no robot file yet that states a unit.
+            runs::check_time(&log).map_err(|why| {
+                Fault::Data(format!(
+                    "{why}; first write it in seconds: rivet convert LOG OUT URDF --map time_unit=UNIT"
+                ))
+            })?;
+            Ok(log)
         })
         .collect::<Result<_>>()?;
     let new = New { arm: &arm, options: &options, logs: &logs, gravity, urdf: place(urdf, folder) };
@@ -56,13 +62,18 @@ pub fn robot_file(urdf: &Path, logs: &[PathBuf], gravity: &[f64], folder: &Path)
 
 /// The robot file of a URDF in memory, with what a log says of the arm.
 pub(crate) fn of_urdf(urdf: &Path, log: Option<&Log>) -> Result<rivet_config::Robot> {
-    let text =
-        rivet_files::read_text(urdf, rivet_config::MAX_FILE_BYTES).with_context(|| urdf.display().to_string())?;
-    let (arm, options) = chain(&text).map_err(|why| Fault::Config(refusal(urdf, &why)))?;
+    let (arm, options) = arm_of(urdf)?;
     let logs: Vec<Log> = log.into_iter().cloned().collect();
     let folder = urdf.parent().unwrap_or(Path::new(""));
     let new = New { arm: &arm, options: &options, logs: &logs, gravity: &[0.0, 0.0, -9.81], urdf: place(urdf, folder) };
     Ok(rivet_config::parse(&folder.join("robot.toml"), &new.text())?)
+}
+
+/// The arm of a URDF file, with the options that make it one.
+fn arm_of(urdf: &Path) -> Result<(UrdfArm, UrdfOptions)> {
+    let text =
+        rivet_files::read_text(urdf, rivet_config::MAX_FILE_BYTES).with_context(|| urdf.display().to_string())?;
+    Ok(chain(&text).map_err(|why| Fault::Config(refusal(urdf, &why)))?)
 }
 
 /// Every mistake with its line and mend.

@@ -8,7 +8,10 @@ use rivet_config::{Instruments, Robot};
 use rivet_diagnosis::{Past, Run, of_one_clock};
 use rivet_dynamics::{Joint, JointKind};
 use rivet_estimation::offline::{InstrumentSource, OfflineSettings, Record, Trajectory, ZeroPhase, underived};
-use rivet_logs::{Log, LogError, LogFault, Naming, OtherClock, ReadOptions, ResampleReport, Signals, read_as};
+use rivet_logs::{
+    Log, LogError, LogFault, Naming, OtherClock, ReadOptions, ResampleReport, Signals, read_as, recognized_format,
+    time_unit_fault,
+};
 
 use crate::fault::Fault;
 use crate::map;
@@ -19,6 +22,8 @@ use crate::session;
 const HOLE_S: f64 = 0.1;
 /// Rows this many sample periods apart show no motion: their time is in another unit.
 const SLOWEST: f64 = 500.0;
+/// Rows so far apart show no motion of any arm \[s\].
+const SLOWEST_S: f64 = 0.5;
 /// A joint does not run through so many times its range, nor through so many turns: its positions are in another unit.
 const BEYOND: f64 = 2.0;
 /// A hole is also longer than this many usual steps.
@@ -28,6 +33,7 @@ const HOLE_STEPS: f64 = 10.0;
 pub fn read_log(robot: &Robot, path: &Path) -> Result<Log> {
     let config = &robot.config;
     let log = recorded(robot, path)?;
+    check_time(&log)?;
     publishers::note_reading(&log, &short_name(path));
     let log = publishers::without_second_publisher(log, short_name(path));
     let log = log.by_its_positions().without_crowds();
@@ -46,6 +52,32 @@ pub fn read_log(robot: &Robot, path: &Path) -> Result<Log> {
         Some(why) => Err(Fault::Data(format!("{file}: {why}")).into()),
         None => Ok(log),
     }
+}
+
+/// That the times of a log may be in seconds.
+///
+/// # Errors
+/// Rows are so far apart that they show no motion, and they would not be in ms, us or ns.
+pub(crate) fn check_time(log: &Log) -> Result<(), LogError> {
+    let fault = (log.median_step_s() >= SLOWEST_S).then(|| time_unit_fault(&log.t)).flatten();
+    fault.map_or(Ok(()), |fault| Err(LogError { path: log.path.clone(), fault }))
+}
+
+/// Reads the robot file that a command takes in front of logs, with the channels of `entries` in the place of its own.
+///
+/// # Errors
+/// Every mistake in the file; where it is a recording, the order of the arguments instead. As of [`map::apply`].
+pub fn load_robot(path: &Path, entries: &[String]) -> Result<Robot> {
+    let robot = rivet_config::load(path);
+    let robot = robot.map_err(|why| wrong_order(path, "ROBOT.toml LOG...").unwrap_or_else(|| why.into()))?;
+    map::apply(robot, entries)
+}
+
+/// That a recording stands where a description of the arm has to; none where `path` is no recording.
+pub(crate) fn wrong_order(path: &Path, order: &str) -> Option<anyhow::Error> {
+    let format = recognized_format(path)?;
+    let why = format!("{}: is a log ({format}), where the arm is expected; the order is {order}", path.display());
+    Some(Fault::Usage(why).into())
 }
 
 /// Time of every row of a recording \[s\], those with damaged cells included.
@@ -405,6 +437,55 @@ mod tests {
             pieces.iter().enumerate().flat_map(|(k, rows)| (0..*rows).map(move |r| 2.0 * k as f64 + 2e-4 * r as f64));
         std::fs::write(&path, rows.map(row).fold("t,q1,tau1\n".to_owned(), |text, row| text + &row)).expect("written");
         rivet_logs::read(&path, &ReadOptions::new(1)).expect("a log")
+    }
+
+    #[test]
+    fn names_the_unit_of_times_that_are_not_in_seconds() {
+        let robot = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../robots/dd2/robot.toml");
+        let robot = rivet_config::load(robot).expect("the arm is there");
+        let folder = tempfile::tempdir().expect("a folder");
+        // At 1 kHz and at 100 Hz.
+        for step_s in [1e-3, 1e-2] {
+            for (unit, factor) in [("ms", 1e3), ("us", 1e6), ("ns", 1e9)] {
+                for start_s in [0.0, 1.7e9] {
+                    let path = folder.path().join("log.csv");
+                    let row = |k: u32| {
+                        let t = f64::from(k) * step_s;
+                        format!("{:.1},{},{},0.5,0.5\n", factor * (start_s + t), t.sin(), t.cos())
+                    };
+                    let text = (0..400).map(row).fold("t,q1,q2,tau1,tau2\n".to_owned(), |text, row| text + &row);
+                    std::fs::write(&path, text).expect("written");
+                    let why = read_log(&robot, &path).expect_err("another unit").to_string();
+                    assert!(why.contains(&format!("--map time_unit={unit}")), "{step_s} s, {start_s} s, {unit}: {why}");
+                    let read = map::apply(robot.clone(), &[format!("time_unit={unit}")]).expect("a key");
+                    read_log(&read, &path).expect("in seconds then");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn tells_the_order_where_a_log_is_in_the_place_of_the_robot_file() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let csv = folder.path().join("log.csv");
+        std::fs::write(&csv, "t,q1,tau1\n0,1,2\n0.1,1,2\n").expect("written");
+        let parquet = folder.path().join("log.parquet");
+        rivet_logs::write_columns(&parquet, &[("t".to_owned(), &[0.0, 0.1])]).expect("written");
+        for (path, format) in [(csv, "CSV"), (parquet, "Parquet")] {
+            let why = load_robot(&path, &[]).expect_err("no robot file");
+            assert_eq!(crate::fault::kind(&why), crate::fault::Kind::Usage);
+            assert!(why.to_string().contains(&format!("is a log ({format})")), "{why}");
+            assert!(why.to_string().contains("the order is ROBOT.toml LOG"), "{why}");
+        }
+        // What is a robot file with mistakes is told its mistakes.
+        for text in
+            ["name = \"x\"\n", "name = 1\nurdf = 2\nsample_period_s = 3\n", "a\n", "[drive]\ntorque_limit = [1, 2]\n"]
+        {
+            let path = folder.path().join("robot.toml");
+            std::fs::write(&path, text).expect("written");
+            let why = load_robot(&path, &[]).expect_err("mistakes");
+            assert_eq!(crate::fault::kind(&why), crate::fault::Kind::Config, "{why}");
+        }
     }
 
     #[test]

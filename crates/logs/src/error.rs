@@ -27,6 +27,24 @@ pub enum LogFault {
         /// What the decoder said.
         why: String,
     },
+    /// Nothing is in it.
+    #[error("is empty: {what}; record it again, or give another file")]
+    Empty {
+        /// What there is not, or is instead, e.g. `0 bytes`.
+        what: &'static str,
+    },
+    /// Times that are those of a log in another unit.
+    #[error(
+        "column t looks like {}: rows are {step} apart. State the unit: --map time_unit={unit}, or time_unit = \"{unit}\" in [log] \
+         of robot.toml",
+        spelled(unit)
+    )]
+    TimeUnit {
+        /// The unit: `ms`, `us` or `ns`.
+        unit: &'static str,
+        /// Usual step between two rows, in that unit.
+        step: f64,
+    },
     /// A name with the ending of no format that is written.
     #[error("its ending is that of no format that is written; end it with one of {known}")]
     UnknownEnding {
@@ -199,6 +217,15 @@ pub enum LogFault {
     /// A sampling period that makes no sense.
     #[error("sampling period {0} s; it must be a positive number")]
     Period(f64),
+}
+
+fn spelled(unit: &str) -> &str {
+    match unit {
+        "ms" => "milliseconds",
+        "us" => "microseconds",
+        "ns" => "nanoseconds",
+        other => other,
+    }
 }
 
 impl LogFault {

@@ -14,6 +14,7 @@ use crate::guess;
 use crate::listing::Conventions;
 use crate::plan::{Naming, Plan};
 use crate::readers;
+use crate::time_unit::time_unit_fault;
 
 /// One signal a joint: `signals[joint][row]`.
 pub type Signals = Vec<Vec<f64>>;
@@ -107,7 +108,7 @@ pub fn read(path: impl AsRef<Path>, options: &ReadOptions<'_>) -> Result<Log, Lo
 pub fn read_as(path: impl AsRef<Path>, options: &ReadOptions<'_>, naming: &Naming<'_>) -> Result<Log, LogError> {
     let path = path.as_ref();
     let reader = readers::find(path)?;
-    let listing = (reader.list)(path)?;
+    let listing = readers::list(path)?;
     let plan =
         Plan::find(&listing, naming, options.joints, options.torque_from_current).map_err(|fault| fault.at(path))?;
     let options = match plan.conventions() {
@@ -266,10 +267,17 @@ impl Log {
             column: "t".to_owned(),
             rule: format!("a log has t [s] and q1..N [rad]. {}", guess::sentence(&table.names())),
         })?;
+        if t.is_empty() {
+            return Err(LogFault::Empty { what: "it has columns and no rows" });
+        }
         if t.len() < LEAST_ROWS {
             return Err(LogFault::TooFewRows { rows: t.len(), least: LEAST_ROWS, purpose: "in a log" });
         }
-        check_values("t", &t, t.len())?;
+        check_values("t", &t, t.len()).map_err(|fault| match fault {
+            // Times since 1970 in a smaller unit.
+            LogFault::Beyond { .. } => time_unit_fault(&t).unwrap_or(fault),
+            fault => fault,
+        })?;
         if let Some(k) = (1..t.len()).find(|k| t[*k] - t[k - 1] < LEAST_STEP_S) {
             return Err(LogFault::Time { row: k + 1, value: t[k], previous: t[k - 1] });
         }

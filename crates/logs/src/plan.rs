@@ -9,10 +9,9 @@ use crate::families::{Family, JOINT, NUMBER, families, is_time};
 use crate::guess;
 use crate::listing::{Column, Conventions, Listing};
 use crate::signal::linear;
+use crate::time_unit::{unit_of_step, usual_step};
 use crate::units::{self, Quantity, Unit, split_unit};
 
-/// Steps of time between rows of a log \[s\]: of the units of time one alone makes a step such.
-const STEPS_S: [f64; 2] = [1.5e-4, 0.12];
 /// Columns that are listed in a message.
 const MOST_LISTED: usize = 8;
 /// Name of the time of the contract.
@@ -264,14 +263,8 @@ fn drop_empty_rows(table: &mut Table) -> usize {
 
 /// The unit of a time whose usual step is that of a log in one unit alone; else s.
 fn step_unit(t: &[f64]) -> Unit {
-    let mut steps: Vec<f64> = t.windows(2).map(|w| w[1] - w[0]).filter(|step| *step > 0.0).collect();
-    if steps.is_empty() {
-        return Unit::SI;
-    }
-    let middle = steps.len() / 2;
-    let step = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
-    let fits = |factor: &f64| (STEPS_S[0]..=STEPS_S[1]).contains(&(factor * step));
-    [1.0, 1e-3, 1e-6, 1e-9].iter().find(|factor| fits(factor)).map_or(Unit::SI, |factor| Unit::times(*factor))
+    let unit = usual_step(t).and_then(unit_of_step);
+    unit.and_then(|unit| units::unit(Quantity::Time, unit)).unwrap_or(Unit::SI)
 }
 
 fn time(listing: &Listing, map: &ChannelMap, topic: &str) -> Result<Option<Time>, LogFault> {

@@ -31,6 +31,9 @@ pub(crate) struct Reader {
 
 const PARQUET_MAGIC: &[u8] = b"PAR1";
 
+/// Name of the format that has no magic.
+const TEXT: &str = "CSV";
+
 /// Every format, in the order in which they are tried. Text is the last: it has no magic.
 const READERS: [Reader; 7] = [
     Reader {
@@ -70,7 +73,7 @@ const READERS: [Reader; 7] = [
         read: hdf5_file::read,
     },
     Reader {
-        name: "CSV",
+        name: TEXT,
         is_format: |head| !head.is_folder && !head.bytes.contains(&0),
         list: csv_file::list,
         read: csv_file::read,
@@ -93,10 +96,13 @@ pub(crate) fn find(path: &Path) -> Result<&'static Reader, LogError> {
     } else {
         File::open(path).and_then(|mut f| f.read(&mut magic)).map_err(|e| LogFault::Io(e).at(path))?
     };
+    if !is_folder && length == 0 {
+        return Err(LogFault::Empty { what: "0 bytes" }.at(path));
+    }
     let head = Head { path, is_folder, bytes: &magic[..length] };
     let is_parquet = path.extension().is_some_and(|ext| ext.eq_ignore_ascii_case("parquet"));
     match READERS.iter().find(|reader| (reader.is_format)(&head)) {
-        Some(reader) if reader.name == "CSV" && is_parquet => {
+        Some(reader) if reader.name == TEXT && is_parquet => {
             let why = "it does not begin with PAR1: it is damaged, or something else under that name".to_owned();
             Err(LogFault::Format { format: "Parquet", why }.at(path))
         }
@@ -120,11 +126,28 @@ pub(crate) fn find(path: &Path) -> Result<&'static Reader, LogError> {
 /// What a recording holds: topics, columns, and what is wrong with it.
 ///
 /// # Errors
-/// It cannot be opened, no reader takes it, or it is damaged at its beginning.
+/// It cannot be opened, no reader takes it, it is empty, or it is damaged at its beginning.
 pub fn list(path: impl AsRef<Path>) -> Result<Listing, LogError> {
     let path = path.as_ref();
     let reader = find(path)?;
-    Ok(Listing { format: reader.name, ..(reader.list)(path)? })
+    let listing = (reader.list)(path)?;
+    if listing.columns.is_empty() && listing.topics.iter().all(|topic| topic.is_read) {
+        return Err(LogFault::Empty { what: "it has no columns" }.at(path));
+    }
+    Ok(Listing { format: reader.name, ..listing })
+}
+
+/// Name of the format of a file or folder that is a recording, for a message about a file in the wrong place. Of text the numbers
+/// decide: most cells of its first row are some.
+pub fn recognized_format(path: &Path) -> Option<&'static str> {
+    let reader = find(path).ok()?;
+    if reader.name != TEXT {
+        return Some(reader.name);
+    }
+    let columns = (reader.list)(path).ok()?.columns;
+    let numbers = columns.iter().filter(|column| column.text.is_none()).count();
+    (columns.len() > 1 && 2 * numbers > columns.len() && columns.iter().all(|column| column.name != "="))
+        .then_some(TEXT)
 }
 
 /// Whether a folder is one recording (rosbag2, LeRobot), and not a folder with recordings in it.

@@ -405,16 +405,21 @@ pub(crate) fn load(h: &Health) -> String {
 }
 
 /// Names of the phases after the wait, short.
-const WORK: [&str; PHASES - 1] = ["read", "diff", "model", "est", "sup", "pub"];
+pub(crate) const WORK: [&str; PHASES - 1] = ["read", "diff", "model", "est", "sup", "pub"];
 
-/// The time that 99 of 100 periods spend in each phase of the work at most \[us\].
-pub(crate) fn phases(timing: &Timing) -> String {
+/// The time that 99 of 100 periods spend in each phase of [`WORK`] at most \[us\].
+pub(crate) fn phase_quantiles_us(timing: &Timing) -> impl Iterator<Item = f64> {
     let bins = timing.phase_histogram.chunks_exact(HISTOGRAM_BINS).zip(timing.phase_max_ns).skip(1);
-    let each = WORK.iter().zip(bins).map(|(name, (bins, max))| {
+    bins.map(|(bins, max)| {
         let mut counts = [0; LogHistogram::BINS];
         counts.copy_from_slice(bins);
-        format!("{name} {:.0}", LogHistogram::from_counts(counts, max).quantile(0.99) as f64 * 1e-3)
-    });
+        LogHistogram::from_counts(counts, max).quantile(0.99) as f64 * 1e-3
+    })
+}
+
+/// The same in words.
+pub(crate) fn phases(timing: &Timing) -> String {
+    let each = WORK.iter().zip(phase_quantiles_us(timing)).map(|(name, us)| format!("{name} {us:.0}"));
     each.collect::<Vec<_>>().join(", ")
 }
 

@@ -117,12 +117,15 @@ fn write_joints(out: &mut String, s: &Snapshot) -> std::fmt::Result {
         "joints       rms [N m]", "torque", "residual", "nominal's", "in use's", "tracking"
     )?;
     for (j, name) in s.joints.iter().enumerate() {
+        // A message has room for so many joints, and an arm may have more.
+        let at = |values: &[f64]| values.get(j).copied().unwrap_or(f64::NAN);
         let daemon = s.health.map_or([f64::NAN; 3], |report| {
-            [report.message.torque_rms[j], report.message.residual_rms[j], report.message.nominal_residual_rms[j]]
+            let h = &report.message;
+            [at(&h.torque_rms), at(&h.residual_rms), at(&h.nominal_residual_rms)]
         });
         let controller = s
             .controller
-            .map_or([f64::NAN; 2], |report| [report.message.prediction_rms[j], report.message.tracking_rms[j]]);
+            .map_or([f64::NAN; 2], |report| [at(&report.message.prediction_rms), at(&report.message.tracking_rms)]);
         write!(out, "  {name:<24}")?;
         for x in daemon.into_iter().chain(controller) {
             write!(out, " {:>10}", figure(x))?;

@@ -5,6 +5,8 @@
 pub mod batch;
 pub mod blind;
 pub mod figures;
+pub mod hidden_effect;
+pub mod phase_tracking;
 pub mod real;
 pub mod recordings;
 pub mod strangers;

@@ -14,6 +14,7 @@ use rivet_ipc_schema::{ControllerHealth, JointState, ParameterSource, Parameters
 use rivet_simulation::motion::{Fourier, FourierSettings, LARGEST_LOAD, MotionLimits, Trajectory, load_ratio};
 use rivet_simulation::process::nominal_joints;
 use rivet_simulation::{BUILD_UP_S, Disturbances, FrictionLaw, Payload, Plant, PlantSettings, Random, Sensors, Truth};
+use serde_json::{Value, json};
 use std::fmt;
 use std::sync::Arc;
 
@@ -104,6 +105,24 @@ impl Tracking {
     pub fn keeps_bounds(&self) -> bool {
         self.phases.iter().map(Errors::ratios).all(|(nominal, truth)| nominal <= 0.25 && truth <= 1.15)
             && self.farther() <= 1.25
+    }
+
+    /// The table as JSON. Tracking errors are root mean squares of each joint \[rad\].
+    pub fn to_json(&self) -> Value {
+        let phase = |errors: &Errors| {
+            let (over_nominal, over_true) = errors.ratios();
+            json!({
+                "payload_kg": errors.payload, "nominal_rad": errors.nominal, "live_rad": errors.live, "true_rad": errors.truth,
+                "live_over_nominal": over_nominal, "live_over_true": over_true, "farthest_nominal_rad": errors.farthest,
+            })
+        };
+        let refusals = self.refusals.iter().map(|(why, count)| (format!("{why:?}"), json!(count)));
+        json!({
+            "robot": self.robot, "window_s": self.window_s, "phases": self.phases.iter().map(phase).collect::<Vec<_>>(),
+            "sets_accepted": self.sets.0, "sets_refused": self.sets.1,
+            "refusals": refusals.collect::<serde_json::Map<_, _>>(), "changes": self.changes, "adopted_s": self.adopted_s,
+            "farthest_live_rad": self.farthest, "keeps_bounds": self.keeps_bounds(),
+        })
     }
 
     /// Largest distance from the plan with live parameters over that with nominal ones.

@@ -44,9 +44,17 @@ fn failures_end_with_the_code_of_whose_fault_it_is() {
     assert!(code == Some(65) && text.contains("no motion is left"), "{code:?} {text}");
     let (code, text) = said(rivet().args(["identify", "--compare"]).arg(&tx40).arg(&log));
     assert!(code == Some(64) && text.contains("at least two logs"), "{code:?} {text}");
-    let minutes = changed("staubli-tx40", &log, folder.path(), |_, t, _| *t *= 1e4);
-    let (code, text) = said(rivet().arg("identify").arg(&tx40).arg(&minutes));
-    assert!(code == Some(65) && text.contains("is column t in seconds?"), "{code:?} {text}");
+    for (unit, factor) in [("ms", 1e3), ("us", 1e6), ("ns", 1e9)] {
+        let scaled = changed("staubli-tx40", &log, folder.path(), |_, t, _| *t *= factor);
+        for command in ["identify", "diagnose", "replay"] {
+            let (code, text) = said(rivet().arg(command).arg(&tx40).arg(&scaled));
+            assert!(code == Some(65) && text.contains(&format!("--map time_unit={unit}")), "{command} {code:?} {text}");
+        }
+    }
+    for command in ["identify", "diagnose", "replay"] {
+        let (code, text) = said(rivet().arg(command).arg(&log).arg(&tx40));
+        assert!(code == Some(64) && text.contains("the order is ROBOT.toml LOG"), "{command}: {code:?} {text}");
+    }
 }
 
 /// Positions that cannot be true are refused and counted as such: every row of the log is accounted for.

@@ -297,6 +297,9 @@ fn unequal_lines_and_foreign_files_are_refused() {
     std::fs::write(&odd, b"PAR1 but nothing behind it").expect("written");
     let why = read(&odd, &ReadOptions::new(1)).expect_err("damaged").to_string();
     assert!(why.contains("cannot be read as Parquet"), "{why}");
+    std::fs::write(&odd, b"").expect("written");
+    let why = read(&odd, &ReadOptions::new(1)).expect_err("empty").to_string();
+    assert!(why.ends_with("odd.parquet: is empty: 0 bytes; record it again, or give another file"), "{why}");
     std::fs::write(&odd, b"XAR1 and so on").expect("written");
     let why = read(&odd, &ReadOptions::new(1)).expect_err("damaged").to_string();
     assert!(why.contains("cannot be read as Parquet: it does not begin with PAR1"), "{why}");

@@ -12,6 +12,8 @@ mod unidentified;
 pub use page::page;
 pub use plot::{Panel, Series, Stroke};
 
+use serde_json::{Value, json};
+
 /// Numbers of the figures there are, in the paper's order.
 pub const FIGURES: [u32; 12] = [3, 5, 6, 7, 8, 9, 12, 13, 15, 16, 18, 19];
 
@@ -98,6 +100,18 @@ pub struct Figure {
     pub panels: Vec<Panel>,
     /// What must hold.
     pub checks: Vec<Check>,
+}
+
+/// Numbers, titles and checks of figures; measured values and limits as text with their units.
+pub fn to_json(figures: &[Figure]) -> Value {
+    let check = |check: &Check| json!({ "what": check.what, "measured": check.measured, "limit": check.limit, "pass": check.pass });
+    let figure = |figure: &Figure| {
+        json!({
+            "figure": figure.number, "title": figure.title,
+            "checks": figure.checks.iter().map(check).collect::<Vec<_>>(),
+        })
+    };
+    figures.iter().map(figure).collect()
 }
 
 /// Repetitions that the paper draws over each other.

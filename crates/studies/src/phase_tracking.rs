@@ -6,7 +6,7 @@ use std::ops::Range;
 
 /// Mean square of desired minus measured position \[rad²\].
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Square {
+pub struct Square {
     sum: [f64; MAX_JOINTS],
     count: u64,
 }
@@ -20,23 +20,24 @@ impl Square {
     }
 
     /// Root mean square of joint `j` \[rad\]; not a number before the first sample.
-    pub(crate) fn rms(&self, j: usize) -> f64 {
+    pub fn rms(&self, j: usize) -> f64 {
         (self.sum[j] / self.count as f64).sqrt()
     }
 
-    /// Over all of `dof` joints.
-    pub(crate) fn rms_all(&self, dof: usize) -> f64 {
+    /// Root mean square over all of `dof` joints \[rad\]; not a number before the first sample.
+    pub fn rms_all(&self, dof: usize) -> f64 {
         (self.sum[..dof].iter().sum::<f64>() / (dof as f64 * self.count as f64)).sqrt()
     }
 }
 
 /// Pairs setpoints with samples and adds up their difference phase by phase.
-pub(crate) struct Tracking {
-    pub(crate) dof: usize,
+pub struct Tracking {
+    /// Number of joints.
+    pub dof: usize,
     /// Samples of each phase that is measured, and the difference in it.
     phases: Vec<(Range<u64>, Square)>,
     /// Of the last second.
-    pub(crate) now: Square,
+    pub now: Square,
     pending: VecDeque<Setpoint>,
 }
 
@@ -48,28 +49,30 @@ const PENDING: usize = 4096;
 
 impl Tracking {
     /// `phases`: samples that are measured, a range each.
-    pub(crate) fn new(dof: usize, phases: Vec<Range<u64>>) -> Tracking {
+    pub fn new(dof: usize, phases: Vec<Range<u64>>) -> Tracking {
         let phases = phases.into_iter().map(|samples| (samples, Square::default())).collect();
         Tracking { dof, phases, now: Square::default(), pending: VecDeque::new() }
     }
 
     /// Root mean square of joint `j` in a phase \[rad\]; not a number where there was none.
-    pub(crate) fn rms(&self, phase: usize, j: usize) -> f64 {
+    pub fn rms(&self, phase: usize, j: usize) -> f64 {
         self.phases.get(phase).map_or(f64::NAN, |(_, square)| square.rms(j))
     }
 
-    /// The same over all joints.
-    pub(crate) fn rms_all(&self, phase: usize) -> f64 {
+    /// Root mean square over all joints in a phase \[rad\]; not a number where there was none.
+    pub fn rms_all(&self, phase: usize) -> f64 {
         self.phases.get(phase).map_or(f64::NAN, |(_, square)| square.rms_all(self.dof))
     }
 
-    pub(crate) fn setpoint(&mut self, setpoint: &Setpoint) {
+    /// Takes what is desired; it waits for its sample.
+    pub fn setpoint(&mut self, setpoint: &Setpoint) {
         if self.pending.len() < PENDING {
             self.pending.push_back(*setpoint);
         }
     }
 
-    pub(crate) fn state(&mut self, state: &JointState) {
+    /// Takes a sample, and adds the difference to its setpoint where that has come.
+    pub fn state(&mut self, state: &JointState) {
         while self.pending.front().is_some_and(|setpoint| setpoint.seq < state.seq) {
             self.pending.pop_front();
         }
@@ -85,5 +88,26 @@ impl Tracking {
             self.now = Square::default();
         }
         self.now.add(&setpoint.q, &state.q);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn adds_the_difference_of_setpoint_and_sample_in_its_phase() {
+        let mut tracking = Tracking::new(2, vec![1..3, 3..5]);
+        for (seq, error) in [(1, 0.1), (2, 0.1), (3, 0.5), (4, 0.5), (9, 7.0)] {
+            let mut setpoint = Setpoint { seq, ..Setpoint::default() };
+            setpoint.q[0] = error;
+            // A setpoint whose sample never comes is passed over.
+            tracking.setpoint(&Setpoint { seq: seq - 1, ..setpoint });
+            tracking.setpoint(&setpoint);
+            tracking.state(&JointState { seq, ..JointState::default() });
+        }
+        assert!((tracking.rms(0, 0) - 0.1).abs() < 1e-12 && (tracking.rms(1, 0) - 0.5).abs() < 1e-12);
+        assert!((tracking.rms_all(1) - 0.5 / 2_f64.sqrt()).abs() < 1e-12);
+        assert!(tracking.rms(2, 0).is_nan());
     }
 }
