@@ -78,9 +78,9 @@ pub fn draw(frame: &mut Frame<'_>, s: &Snapshot, view: &mut View) {
         lines.extend(health.into_iter().skip(view.first_line).take(room));
     } else {
         if has_pages {
-            lines.extend(alarms(s, columns, room / 3))
+            lines.extend(alarms(s, columns, room / 3));
         } else {
-            lines.extend(health)
+            lines.extend(health);
         }
         let rest = room.saturating_sub(lines.len() - 1);
         let least = parameters.rows.len().min(MIN_PARAMETER_ROWS) + Section::HEAD_ROWS;
