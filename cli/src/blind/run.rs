@@ -57,7 +57,9 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         .with_context(|| args.out.display().to_string())?;
     if args.json {
         let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
-        verdicts.values().for_each(|v| *counts.entry(v["verdict"].as_str().unwrap_or("failed")).or_default() += 1);
+        for verdict in verdicts.values() {
+            *counts.entry(verdict["verdict"].as_str().unwrap_or("failed")).or_default() += 1;
+        }
         show_json(
             &json!({ "file": args.out.display().to_string(), "cases": verdicts.len(), "failed": failed, "verdicts": counts }),
         )?;

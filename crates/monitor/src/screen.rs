@@ -430,7 +430,7 @@ mod tests {
     #[test]
     fn cuts_no_word_on_usual_terminals() {
         let words = |picture: &str| -> std::collections::BTreeSet<String> {
-            let text = picture.replace('"', " ").replace('─', " ");
+            let text = picture.replace(['"', '─'], " ");
             text.split_whitespace().map(str::to_owned).collect()
         };
         for joints in [6, 10] {
