@@ -16,7 +16,9 @@ pub(crate) fn moved(text: &str, from: &Path, to: &Path) -> String {
         let (quote, value) = value.split_at(1);
         let Some((path, following)) = value.split_once(quote) else { continue };
         let path = seen_from(&to, &from, path).unwrap_or_else(|| path.to_owned());
-        out += &format!("={quote}{path}{quote}");
+        for part in ["=", quote, &path, quote] {
+            out += part;
+        }
         rest = following;
     }
     out + rest

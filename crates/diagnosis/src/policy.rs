@@ -563,6 +563,9 @@ pub(crate) struct Prediction {
     pub(crate) resamplings: usize,
     /// Widening of the interval on either side. Unit and range: share, 0 to 1. Origin: hand-set.
     pub(crate) widening: f64,
+    /// Factor on both sides of a size's interval: neither resamplings nor the posterior know errors of inner values and of the form. Unit
+    /// and range: factor, at least 1. Origin: 90 % quantile of error over half-width on drawn cases (`docs/validation.md`, sizes).
+    pub(crate) size_widening: f64,
     /// Time on either side in which the largest speed is a row's. Unit and range: s, above 0. Origin: memory of the model filter.
     pub(crate) speed_window_s: f64,
     /// Difference of the speeds of two motions of one kind, as a share of their time. Unit and range: share, 0 to 1. Origin: practice logs of two kinds: 0.45 to 0.8.
@@ -918,6 +921,7 @@ pub(crate) const POLICY: Policy = Policy {
     prediction: Prediction {
         resamplings: 40,
         widening: 0.02,
+        size_widening: 3.0,
         speed_window_s: 0.03,
         max_speed_difference: 0.35,
         widening_by_difference: 0.5,

@@ -1,6 +1,7 @@
 //! How good the procedure was on cases whose answers are known: what `rivet blind score --json` writes.
 
 use serde::{Deserialize, Serialize};
+use std::fmt::Write as _;
 
 /// What was said of a kind of truth.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -175,7 +176,7 @@ impl Score {
     pub fn markdown(&self) -> String {
         let mut out = format!("| figure | {}, {} cases |\n|---|---|\n", self.set, self.cases);
         for (figure, value) in self.summary() {
-            out += &format!("| {figure} | {value} |\n");
+            let _ = writeln!(out, "| {figure} | {value} |");
         }
         out
     }

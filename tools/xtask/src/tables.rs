@@ -36,7 +36,9 @@ pub(crate) fn run(args: &Args) -> Result<()> {
         let in_page = |e: anyhow::Error| e.context(path.display().to_string());
         let tables = page.tables().map_err(in_page)?;
         if args.commands {
-            tables.iter().for_each(|table| println!("{}", table.command));
+            for table in &tables {
+                println!("{}", table.command);
+            }
         }
         let renewed = page.with(&tables, |file| {
             let path = source.join(file);

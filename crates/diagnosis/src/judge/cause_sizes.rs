@@ -13,6 +13,7 @@ use crate::fit::prediction::ends;
 use crate::fit::search::Search;
 use crate::judge::fitted_steps::FittedSteps;
 use crate::judge::procedure::{Procedure, Step};
+use crate::policy::POLICY;
 use crate::report::diagnosis::{Cause, Diagnosis, Verdict};
 use crate::select::adopted::{self, Adopted};
 use crate::select::value_group::{self, Group};
@@ -246,6 +247,11 @@ impl Procedure<'_> {
                     (*low, *high) = (low.min(from), high.max(to));
                 }
             }
+        }
+        let sizes = self.magnitude(search, step, &solved.x, &solved.stretches);
+        for ((_, [low, high]), (_, size)) in intervals.iter_mut().zip(sizes) {
+            let wider = |end: f64| size + POLICY.prediction.size_widening * (end - size);
+            (*low, *high) = (wider(*low), wider(*high));
         }
         intervals.retain(|(_, [low, high])| low < high && low.is_finite() && high.is_finite());
         intervals

@@ -155,7 +155,7 @@ fn body(cause: &Cause, document: &Document) -> String {
 fn shown(cause: &Cause, curve: &Curve) -> String {
     let bend = cause.magnitude.get("velocity_rad_s").copied().flatten().map(|v| BEND_VELOCITIES * v);
     let about_bend =
-        |most: f64| -> Vec<Point> { curve.points.iter().filter(|p| p.at.abs() <= most).cloned().collect() };
+        |most: f64| -> Vec<Point> { curve.points.iter().filter(|p| p.at.abs() <= most).copied().collect() };
     let near = bend.map(about_bend).filter(|near| near.len() >= FEWEST_AT_THE_BEND);
     let points = near.as_ref().unwrap_or(&curve.points);
     let x = Axis::around(points.iter().map(|p| p.at), false);

@@ -13,6 +13,7 @@ pub use page::page;
 pub use plot::{Panel, Series, Stroke};
 
 use serde_json::{Value, json};
+use std::fmt::Write as _;
 
 /// Numbers of the figures there are, in the paper's order.
 pub const FIGURES: [u32; 12] = [3, 5, 6, 7, 8, 9, 12, 13, 15, 16, 18, 19];
@@ -144,7 +145,8 @@ pub fn markdown(figures: &[Figure]) -> String {
     for figure in figures {
         for check in &figure.checks {
             let mark = if check.pass { "" } else { " (FAIL)" };
-            out += &format!("| {} | {} | {} | {}{mark} |\n", figure.number, check.what, check.measured, check.limit);
+            let _ =
+                writeln!(out, "| {} | {} | {} | {}{mark} |", figure.number, check.what, check.measured, check.limit);
         }
     }
     out

@@ -9,6 +9,7 @@ mod problem;
 mod table;
 
 use std::collections::BTreeMap;
+use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::process::Command;
 use std::time::Instant;
@@ -80,7 +81,7 @@ fn main() -> Result<()> {
     let mut text = format!("{arm}, {} base parameters; rust {}\n{}\n", workload.robot.base.len(), target(), machine());
     let peer = cpp::build(args.venv.as_deref(), &args.eigen);
     if let Err(why) = &peer {
-        text += &format!("no C++ peer: {why:#}\n");
+        let _ = writeln!(text, "no C++ peer: {why:#}");
     }
     let own = std::env::current_exe().context("path of this program")?;
     let seconds = args.seconds.to_string();
@@ -103,10 +104,10 @@ fn main() -> Result<()> {
             bail!("the two sides did not do the same work: {name} is {value:e} here and {theirs:e} there");
         }
     }
-    text += &format!("\n{}", markdown("item, ns", &items(&workload, &rust, &other)));
+    let _ = write!(text, "\n{}", markdown("item, ns", &items(&workload, &rust, &other)));
     if !args.no_offline {
         let items = offline::compare(args.venv.as_deref(), [&one, &all], args.repeats.min(3), folder)?;
-        text += &format!("\n{}", markdown("60 s at 1 kHz, off line, ms", &items));
+        let _ = write!(text, "\n{}", markdown("60 s at 1 kHz, off line, ms", &items));
     }
     print!("{text}");
     args.markdown

@@ -1,5 +1,7 @@
 //! The table of ratios.
 
+use std::fmt::Write as _;
+
 /// One comparison. Times in the unit of the table.
 pub(crate) struct Item {
     pub(crate) name: String,
@@ -25,7 +27,7 @@ pub(crate) fn markdown(title: &str, items: &[Item]) -> String {
             format!("{least:.0} ({goal:.0}){reached}")
         });
         let ratio = ratio.map_or("-".to_owned(), |ratio| format!("{ratio:.1}"));
-        out += &format!("| {} | {} | {} | {ratio} | {goal} |\n", item.name, number(item.rivet), number(item.peer));
+        let _ = writeln!(out, "| {} | {} | {} | {ratio} | {goal} |", item.name, number(item.rivet), number(item.peer));
     }
     out
 }

@@ -6,6 +6,7 @@
 
 mod requests;
 
+use std::fmt::Write as _;
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -117,14 +118,14 @@ fn main() -> Result<()> {
             case.source.name(),
             kib(mean(&|tick| tick.lines.iter().sum()))
         );
-        line += &format!(" {:.0} |", kib(ticks.iter().copied().max().unwrap_or(0) as f64));
+        let _ = write!(line, " {:.0} |", kib(ticks.iter().copied().max().unwrap_or(0) as f64));
         for phase in 0..4 {
             let largest = counts.iter().map(|tick| tick.lines[phase]).max().unwrap_or(0);
-            line += &format!(" {:.0} ({:.0}) |", kib(mean(&|tick| tick.lines[phase])), kib(largest as f64));
+            let _ = write!(line, " {:.0} ({:.0}) |", kib(mean(&|tick| tick.lines[phase])), kib(largest as f64));
         }
-        line += &format!(" {:.0} |", mean(&|tick| tick.instructions));
+        let _ = write!(line, " {:.0} |", mean(&|tick| tick.instructions));
         println!("{line}");
-        table += &format!("{line}\n");
+        let _ = writeln!(table, "{line}");
     }
     args.markdown
         .map_or(Ok(()), |path| rivet_files::write_whole(&path, table).with_context(|| path.display().to_string()))
