@@ -112,7 +112,7 @@ mod tests {
         [effects.torque_ripple]\ncosine = [0, 0.6]\nsine = [0, 0.1]\norder = [1, 24]\n\
         [effects.joint_spring]\nstiffness = [-3, 8]\n\
         [effects.counterbalance]\nlever = [20, 0]\nfree_length = [-5, 0]\narm = [0.3, 0]\nphase = [0.2, 0]\n\
-        [effects.transport_delay]\ndelay = [0.002, 0.002]\n";
+        [effects.transport_delay]\ndelay = 0.002\n";
 
     fn robot(effects: &str) -> Robot {
         let folder = tempfile::tempdir().expect("a folder");

@@ -20,9 +20,14 @@ const WORSE: f64 = 1.005;
 const FEWEST_NAMES: usize = 20;
 
 impl Document {
-    /// One line a cause: what to do, with number, unit, interval and confidence; what takes the largest share of the gap first.
-    /// `scores` are those of cases whose answers are known.
+    /// One line a cause, in their order: what to do, with number, unit, interval and confidence. `scores` are those of cases whose
+    /// answers are known.
     pub fn actions(&self, scores: &[Score]) -> Vec<String> {
+        self.causes.iter().map(|cause| self.action(cause, scores)).collect()
+    }
+
+    /// The same, what takes the largest share of the gap first.
+    pub(crate) fn actions_by_share(&self, scores: &[Score]) -> Vec<String> {
         let mut causes: Vec<&Cause> = self.causes.iter().collect();
         let share = |cause: &Cause| cause.share.unwrap_or(0.0);
         causes.sort_by(|a, b| share(b).total_cmp(&share(a)));
@@ -219,6 +224,20 @@ mod tests {
             said.starts_with("Set rotor inertia of wrist: j4.rotor_inertia 0.500 → 0.651 [0.630, 0.670] kg m²."),
             "{said}"
         );
+    }
+
+    #[test]
+    fn the_largest_share_of_the_gap_comes_first() {
+        let with_share = |effect: &str, share: f64| {
+            let mut one = of(effect, &["wrist"], &json!({}));
+            one["share"] = json!(share);
+            one
+        };
+        let causes = json!([with_share("rotor_inertia", 0.1), with_share("joint_spring", 0.9)]);
+        let found = document(&[("causes", causes)]);
+        let begins = |lines: Vec<String>| lines.iter().map(|line| line[..3].to_owned()).collect::<Vec<_>>();
+        assert_eq!(begins(found.actions(&[])), ["Set", "Add"], "in the order of causes");
+        assert_eq!(begins(found.actions_by_share(&[])), ["Add", "Set"]);
     }
 
     #[test]

@@ -66,7 +66,8 @@ impl Document {
             return lines;
         }
         let named = !self.causes.is_empty();
-        let mut lines: Vec<Line> = self.actions(scores).into_iter().map(|text| Line::new("Do", text)).collect();
+        let mut lines: Vec<Line> =
+            self.actions_by_share(scores).into_iter().map(|text| Line::new("Do", text)).collect();
         if named {
             lines.extend(self.result_line().map(|text| Line::new("Result", text)));
         } else {
