@@ -563,7 +563,7 @@ pub(crate) struct Prediction {
     pub(crate) resamplings: usize,
     /// Widening of the interval on either side. Unit and range: share, 0 to 1. Origin: hand-set.
     pub(crate) widening: f64,
-    /// Factor on both sides of a size's interval: neither resamplings nor the posterior know errors of inner values and of the form. Unit
+    /// Factor on both sides of the interval of an effect's size: neither resamplings nor the posterior know errors of inner values and of the form. Unit
     /// and range: factor, at least 1. Origin: 90 % quantile of error over half-width on drawn cases (`docs/validation.md`, sizes).
     pub(crate) size_widening: f64,
     /// Time on either side in which the largest speed is a row's. Unit and range: s, above 0. Origin: memory of the model filter.

@@ -248,9 +248,11 @@ impl Procedure<'_> {
                 }
             }
         }
+        // Values of the model enter linearly: resamplings and posterior hold them as often as they say.
+        let widening = if step.effect.kind() == Kind::Value { 1.0 } else { POLICY.prediction.size_widening };
         let sizes = self.magnitude(search, step, &solved.x, &solved.stretches);
         for ((_, [low, high]), (_, size)) in intervals.iter_mut().zip(sizes) {
-            let wider = |end: f64| size + POLICY.prediction.size_widening * (end - size);
+            let wider = |end: f64| size + widening * (end - size);
             (*low, *high) = (wider(*low), wider(*high));
         }
         intervals.retain(|(_, [low, high])| low < high && low.is_finite() && high.is_finite());
