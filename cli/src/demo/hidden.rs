@@ -69,14 +69,14 @@ impl Hidden {
     }
 
     /// What was hidden and what was named.
-    pub(crate) fn text(&self, found: &Document) -> Result<String> {
+    pub(crate) fn text(&self, found: &Document) -> String {
         let mut out = paragraph_within(
             COLUMNS,
             "  hidden       ",
             &format!("{} of {}: {}", effect(self.0.effect()), self.0.joint(), self.0.size()),
         );
-        let scores = rivet_analysis::diagnose::scores()?;
-        let (actions, causes) = (found.actions(&scores), &found.causes);
+        // On one screen of 24 rows there is no room for how often such names were right.
+        let (actions, causes) = (found.actions(&[]), &found.causes);
         match causes.iter().zip(&actions).find(|(cause, _)| self.is(cause)) {
             Some((cause, action)) => {
                 out += &paragraph_within(COLUMNS, "  named        ", action);
@@ -105,7 +105,7 @@ impl Hidden {
             out += &paragraph_within(COLUMNS, "  result       ", &result);
         }
         let _ = write!(out, "hidden effect: {}", if self.is_found(found) { "named" } else { "NOT named" });
-        Ok(out)
+        out
     }
 }
 
