@@ -44,7 +44,8 @@ fn failures_end_with_the_code_of_whose_fault_it_is() {
     assert!(code == Some(65) && text.contains("no motion is left"), "{code:?} {text}");
     let (code, text) = said(rivet().args(["identify", "--compare"]).arg(&tx40).arg(&log));
     assert!(code == Some(64) && text.contains("at least two logs"), "{code:?} {text}");
-    for (unit, factor) in [("ms", 1e3), ("us", 1e6), ("ns", 1e9)] {
+    // In milliseconds this log of 5 kHz looks like a slow one in seconds.
+    for (unit, factor) in [("us", 1e6), ("ns", 1e9)] {
         let scaled = changed("staubli-tx40", &log, folder.path(), |_, t, _| *t *= factor);
         for command in ["identify", "diagnose", "replay"] {
             let (code, text) = said(rivet().arg(command).arg(&tx40).arg(&scaled));
