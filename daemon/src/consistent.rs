@@ -55,8 +55,7 @@ impl Projector {
         let mut out = ConsistentParameters::of(set);
         out.values[..found.base.len()].copy_from_slice(&found.base);
         let dof = self.model.arm.dof();
-        // The standard vector begins with ten numbers a link.
-        let bodies = (10 * dof).min(BODY_VALUES);
+        let bodies = self.model.places().bodies().end.min(BODY_VALUES);
         out.bodies[..bodies].copy_from_slice(&found.standard[..bodies]);
         out.torque_rms[..dof].copy_from_slice(&found.torque_rms);
         out.torque_percent = found.torque_percent;

@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result};
 use rivet_config::Robot;
-use rivet_diagnosis::{Diagnosis, LogFault, MotionBounds, Patch, Run, Verdict, diagnose_and_patch, of_one_clock};
+use rivet_diagnosis::{
+    Diagnosis, Listener, LogFault, MotionBounds, Patch, Run, Verdict, diagnose_and_patch, of_one_clock,
+};
 use rivet_report::words::{figure, percent};
 use rivet_report::{Cause, Document, JointGap, LogFinding, Power, Score, SelfCheck, formats, page};
 
@@ -21,6 +23,7 @@ use crate::rollout::{rollout, undriven};
 use crate::runs;
 use crate::self_check::self_check;
 use crate::session;
+use crate::steps::count_line;
 use crate::table::{Table, WIDTH, paragraph};
 
 /// Effects that are values of the file.
@@ -56,6 +59,33 @@ pub struct Diagnosed {
     used: Vec<Run>,
 }
 
+/// Steps of a diagnosis: as notes, else as progress.
+struct Shown {
+    progress: DiagnosisProgress,
+    is_verbose: bool,
+    /// Tenths of the present round that were noted.
+    tenth: usize,
+}
+
+impl Listener for Shown {
+    fn line(&mut self, text: &str) {
+        if self.is_verbose {
+            session::note(text);
+        } else {
+            self.progress.say(text);
+        }
+    }
+
+    fn count(&mut self, done: usize, total: usize) {
+        if !self.is_verbose {
+            self.progress.count(done, total);
+        } else if 10 * done / total.max(1) != self.tenth {
+            self.tenth = 10 * done / total.max(1);
+            session::note(count_line(done, total));
+        }
+    }
+}
+
 /// Diagnoses the gap between the nominal model of `robot` and logs of the arm.
 ///
 /// # Errors
@@ -68,19 +98,13 @@ pub fn diagnose(robot: &Robot, inputs: &Inputs<'_>) -> Result<Diagnosed> {
     runs::check_distinct(sources.iter().map(|s| (s.path, &s.log)))?;
     let (robot, nothing_to_compare) = with_bodies(robot.clone(), &sources.iter().map(|s| &s.log).collect::<Vec<_>>())?;
     stood.extend(nothing_to_compare);
-    let mut progress = DiagnosisProgress::new("diagnosing");
-    let mut say = |line: &str| {
-        if inputs.is_verbose {
-            session::note(line);
-            return;
-        }
-        progress.say(line);
-    };
+    let progress = DiagnosisProgress::new("diagnosing");
+    let mut shown = Shown { progress, is_verbose: inputs.is_verbose, tenth: 0 };
     let live = inputs.is_last_live;
     let all = runs_of(&sources, live)?;
     let bounds =
         MotionBounds::from_limits(&robot.model, &robot.config.drive.torque_limit, robot.config.sample_period_s);
-    let (found, patch) = diagnose_and_patch(&robot.model, &robot.nominal, all, &bounds, &mut say)?;
+    let (found, patch) = diagnose_and_patch(&robot.model, &robot.nominal, all, &bounds, &mut shown)?;
     // Runs that were left out drive no simulator and show nothing.
     let used = found.used.iter();
     let mut given: Vec<Option<Run>> = runs_of(&sources, live)?.into_iter().map(Some).collect();
@@ -100,13 +124,13 @@ pub fn diagnose(robot: &Robot, inputs: &Inputs<'_>) -> Result<Diagnosed> {
         document.tells_motions(patch, &runs::joint_names(&robot));
     }
     if let (Some(patch), Some(last), false) = (&patch, used.last(), found.causes.is_empty()) {
-        say("the simulator in closed loop");
+        shown.line("the simulator in closed loop");
         let unbelieved = found.log.iter().filter(|f| f.run == last.name && f.fault.spoils());
         let unbelieved: Vec<&str> = unbelieved.map(|f| f.joint.as_str()).collect();
         document.rollout =
             if unbelieved.is_empty() { rollout(&robot, patch, last) } else { Some(undriven(&unbelieved)) };
     }
-    progress.done();
+    shown.progress.done();
     let verdict = if spoilt.is_some() { Verdict::NotEvaluated } else { found.verdict };
     Ok(Diagnosed { robot, gravity_free, verdict, document, patch, used })
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use rivet_config::{Robot, write_consistent, write_identified};
-use rivet_dynamics::{LINK_PARAMETERS, LinkParameters, Parameter, ParameterGroup, WrittenUrdf, write_urdf};
+use rivet_dynamics::{LinkParameters, Parameter, ParameterGroup, Places, WrittenUrdf, write_urdf};
 use rivet_estimation::consistency::{ConsistencyError, Projection, Reference};
 use rivet_estimation::offline::Fit;
 
@@ -84,7 +84,7 @@ pub(crate) fn place_load(moved: &mut Robot, robot: &Robot, folder: &Path) -> Res
 
 /// The bodies of a standard vector of `joints` joints.
 pub(crate) fn bodies(joints: usize, standard: &[f64]) -> Vec<LinkParameters> {
-    let entry = |link: usize| std::array::from_fn(|k| standard[link * LINK_PARAMETERS + k]);
+    let entry = |link: usize| std::array::from_fn(|k| standard[Places::link(link).start + k]);
     (0..joints).map(entry).collect()
 }
 

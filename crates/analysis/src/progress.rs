@@ -71,18 +71,34 @@ pub struct DiagnosisProgress {
     what: &'static str,
     steps: Steps,
     begin: Instant,
+    /// When counts were shown last.
+    counted: Option<Instant>,
     line: StatusLine,
 }
 
 impl DiagnosisProgress {
     /// Of a diagnosis that begins now; `what` names it.
     pub fn new(what: &'static str) -> DiagnosisProgress {
-        DiagnosisProgress { what, steps: Steps::default(), begin: Instant::now(), line: StatusLine::new(true) }
+        let line = StatusLine::new(true);
+        DiagnosisProgress { what, steps: Steps::default(), begin: Instant::now(), counted: None, line }
     }
 
-    /// Takes what the diagnosis says: passed to the session, else drawn.
+    /// Takes a line of the diagnosis: passed to the session, else drawn.
     pub fn say(&mut self, text: &str) {
         self.steps.take(text, self.begin.elapsed().as_secs_f64());
+        self.show();
+    }
+
+    /// Takes how many of the present round's candidates are done, a few times a second.
+    pub fn count(&mut self, done: usize, total: usize) {
+        if self.counted.is_none_or(|at| at.elapsed() > BETWEEN_PICTURES) {
+            self.counted = Some(Instant::now());
+            self.steps.count(done, total);
+            self.show();
+        }
+    }
+
+    fn show(&mut self) {
         if !session::progress(self.what, self.steps.share()) {
             self.draw();
         }

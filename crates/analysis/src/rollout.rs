@@ -6,7 +6,7 @@
 
 use rivet_config::Robot;
 use rivet_diagnosis::{Patch, Run};
-use rivet_dynamics::{Joints, Model};
+use rivet_dynamics::{Joints, Model, Places};
 use rivet_estimation::offline::{Trajectory, ZeroPhase};
 use rivet_report::{Rollout, RolloutPoint};
 use rivet_simulation::{Disturbances, Plant, PlantSettings, Sensors, Truth};
@@ -44,7 +44,7 @@ pub(crate) fn rollout(robot: &Robot, patch: &Patch, run: &Run) -> Option<Rollout
     let motion = Trajectory::from_positions(&q, run.period_s);
     let mut arm = patch.model.arm.clone();
     for (link, body) in arm.links.iter_mut().enumerate() {
-        body.copy_from_slice(&patch.written[10 * link..10 * link + 10]);
+        body.copy_from_slice(&patch.written[Places::link(link)]);
     }
     let corrected = Model::new(arm, patch.model.structure)
         .with_load(patch.model.load().to_vec())

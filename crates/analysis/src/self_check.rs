@@ -6,7 +6,7 @@ use std::thread;
 
 use anyhow::{Result, bail};
 use rivet_config::Robot;
-use rivet_diagnosis::{Effect, Named, Probe, Run, probe};
+use rivet_diagnosis::{Effect, Named, Probe, Run, Silent, probe};
 use rivet_dynamics::{Workspace, mass_matrix};
 use rivet_report::{Power, SelfCheck};
 use rivet_simulation::{Injected, Injector, Random, Recorded};
@@ -149,8 +149,7 @@ pub(crate) fn self_check(robot: &Robot, runs: Vec<Run>) -> Result<SelfCheck> {
     pairs.extend(ON_JOINTS.iter().flat_map(|k| (0..joints).map(move |j| (*k, Some(j)))));
     let workers = thread::available_parallelism().map_or(1, NonZero::get).clamp(1, 4);
     let work = |worker: usize| -> Result<Part> {
-        let mut quiet = |_: &str| ();
-        let done = probe(&robot.model, &robot.nominal, runs.clone(), &mut quiet, |probe| {
+        let done = probe(&robot.model, &robot.nominal, runs.clone(), &mut Silent, |probe| {
             let recorded: Vec<Injector<'_>> = runs
                 .iter()
                 .map(|run| Injector::new(Recorded::of(&robot.model, &robot.nominal, run.period_s, &run.q, &run.tau)))

@@ -7,6 +7,7 @@ use crate::export::patch::Patch;
 use crate::fit::initial_friction;
 use crate::judge::mounting;
 use crate::judge::procedure::Procedure;
+use crate::model::listener::Listener;
 use crate::model::log_fault::LogFinding;
 use crate::model::nominal::{Nominal, Typical};
 use crate::model::run::{Run, split};
@@ -26,8 +27,8 @@ use crate::screen::torque_unit;
 
 /// Compares runs with what the simulator knows: `model` with the standard vector `nominal`.
 ///
-/// With several runs the last is sealed: it is predicted before its torque is looked at. A single run is cut. `say` is
-/// told what happens.
+/// With several runs the last is sealed: it is predicted before its torque is looked at. A single run is cut. The
+/// listener gets every step and decision.
 ///
 /// # Errors
 /// [`DiagnosisError`].
@@ -35,9 +36,9 @@ pub fn diagnose(
     model: &Model,
     nominal: &[f64],
     runs: Vec<Run>,
-    say: &mut dyn FnMut(&str),
+    listener: &mut dyn Listener,
 ) -> Result<Diagnosis, DiagnosisError> {
-    Ok(run_all(model, nominal, runs, None, say)?.0)
+    Ok(run_all(model, nominal, runs, None, listener)?.0)
 }
 
 /// As [`diagnose`], and the model with what was found; none where nothing could be evaluated. `bounds` are those of the
@@ -50,9 +51,9 @@ pub fn diagnose_and_patch(
     nominal: &[f64],
     runs: Vec<Run>,
     bounds: &MotionBounds,
-    say: &mut dyn FnMut(&str),
+    listener: &mut dyn Listener,
 ) -> Result<(Diagnosis, Option<Patch>), DiagnosisError> {
-    run_all(model, nominal, runs, Some(bounds), say)
+    run_all(model, nominal, runs, Some(bounds), listener)
 }
 
 fn run_all(
@@ -60,7 +61,7 @@ fn run_all(
     nominal: &[f64],
     runs: Vec<Run>,
     patch: Option<&MotionBounds>,
-    say: &mut dyn FnMut(&str),
+    listener: &mut dyn Listener,
 ) -> Result<(Diagnosis, Option<Patch>), DiagnosisError> {
     let joints = model.arm.dof();
     for run in &runs {
@@ -108,18 +109,18 @@ fn run_all(
     if let Some(why) = too_little_motion(&look, data.fit_seconds) {
         return not_evaluated(log, &why);
     }
-    say("motion, regressors");
+    listener.line("motion, regressors");
     let mut nominal = Nominal::new(model, nominal, &Typical::from_runs(&look, joints));
     let mut look: Vec<Prepared> = look.into_iter().map(|run| Prepared::new(run, &nominal)).collect();
     let mut sealed = Prepared::new(sealed, &nominal);
-    if let Err(end) = screen((&mut look, &mut sealed), &nominal, &mute, &mut log, say) {
+    if let Err(end) = screen((&mut look, &mut sealed), &nominal, &mute, &mut log, listener) {
         return match end {
             End::NotEvaluated(why) => not_evaluated(log, &why),
             End::Unheard(why) => Ok((Diagnosis::unheard(log, why), None)),
         };
     }
     let given = Procedure { nominal: &nominal, look: &look, sealed: &sealed, data, mute: log };
-    if let Some(found) = mounting::check(&given, say) {
+    if let Some(found) = mounting::check(&given, listener) {
         return Ok((Diagnosis { unused: unused(&used), used, ..found }, None));
     }
     let log = given.mute;
@@ -127,7 +128,7 @@ fn run_all(
     let looked_at = look.len();
     let mut all: Vec<&mut Prepared> = look.iter_mut().chain([&mut sealed]).collect();
     initial_friction::know(&mut nominal, looked_at, &mut all).ok_or(DiagnosisError::Singular)?;
-    let done = Procedure { nominal: &nominal, look: &look, sealed: &sealed, data, mute: log }.run(patch, say);
+    let done = Procedure { nominal: &nominal, look: &look, sealed: &sealed, data, mute: log }.run(patch, listener);
     let (mut found, patch) = done.ok_or(DiagnosisError::Singular)?;
     found.know_repeats(&sealed.tau);
     Ok((Diagnosis { unused: unused(&used), used, ..found }, patch))
@@ -150,7 +151,7 @@ fn screen(
     nominal: &Nominal,
     mute: &[Prepared],
     log: &mut Vec<LogFinding>,
-    say: &mut dyn FnMut(&str),
+    listener: &mut dyn Listener,
 ) -> Result<(), End> {
     for run in look.iter_mut().chain([&mut *sealed]) {
         log_check::distrust(run, nominal);
@@ -164,11 +165,11 @@ fn screen(
         return Err(End::NotEvaluated(why));
     }
     log_check::silence_dead(&mut look.iter_mut().chain([&mut *sealed]).collect::<Vec<_>>(), mute);
-    say("torque and position in time");
+    listener.line("torque and position in time");
     log.extend(torque_timing::alignment::align(
         &mut look.iter_mut().chain([&mut *sealed]).collect::<Vec<_>>(),
         nominal,
-        say,
+        listener,
     ));
     if log_check::is_unheard(look) || log_check::is_unheard(std::slice::from_ref(sealed)) {
         log.extend(look.iter().chain([&*sealed]).flat_map(|run| log_check::check(run, nominal)));

@@ -50,6 +50,7 @@ pub use fit::friction_ladder::{Ladder, Rung, friction_ladder};
 pub use model::clock::of_one_clock;
 pub use model::gap::Gap;
 pub use model::history::Past;
+pub use model::listener::{Listener, Silent};
 pub use model::log_fault::{LogFault, LogFinding};
 pub use model::run::{Run, TRAINING_SHARE};
 pub use report::curves::{Curve, Excerpt, Point};

@@ -14,6 +14,7 @@ use crate::judge::fitted_steps::FittedSteps;
 use crate::judge::other_arm;
 use crate::judge::procedure::Procedure;
 use crate::judge::torque_offset;
+use crate::model::listener::Listener;
 use crate::model::log_fault::LogFinding;
 use crate::policy::POLICY;
 use crate::report::details::{self, Unsure};
@@ -41,29 +42,29 @@ struct Explanation {
 impl Explanation {
     /// Selects effects, then wrong values, then effects in place of wrong values until none is better. None where the equations have no
     /// solution.
-    fn find(search: &mut Search<'_>, left_out: &mut Vec<String>, say: &mut dyn FnMut(&str)) -> Option<Explanation> {
+    fn find(search: &mut Search<'_>, left_out: &mut Vec<String>, listener: &mut dyn Listener) -> Option<Explanation> {
         let mut selected = Selected::new(search)?;
         let mut no_body = None;
-        let body = flange_body::at_flange(search, &selected, &mut no_body, say);
+        let body = flange_body::at_flange(search, &selected, &mut no_body, listener);
         let body = or_said(body, "whether one body at the flange is simpler", left_out);
         if let Some((candidate, adoption)) = body.flatten() {
-            or_said(selected.adopt(search, &candidate, adoption, say), "one body at the flange", left_out);
+            or_said(selected.adopt(search, &candidate, adoption, listener), "one body at the flange", left_out);
         }
-        or_said(selected.select(search, say), "a further effect", left_out);
+        or_said(selected.select(search, listener), "a further effect", left_out);
         let mut unsure = details::unsure(search)?;
         let may_be = "whether wrong link parameters are a counterbalance or a load";
-        let mut doubts = or_said(Doubts::find(search, &selected, say), may_be, left_out);
+        let mut doubts = or_said(Doubts::find(search, &selected, listener), may_be, left_out);
         let mut wrong = values::wrong(search, &selected.adopted)?;
         loop {
-            let instead = confounded_values::replace(search, &wrong, &selected, say);
+            let instead = confounded_values::replace(search, &wrong, &selected, listener);
             let instead = or_said(instead, "whether an effect replaces wrong parameters", left_out);
             let Some((candidate, adoption)) = instead.flatten() else { break };
             wrong.undo(search);
-            let taken = selected.adopt(search, &candidate, adoption, say);
+            let taken = selected.adopt(search, &candidate, adoption, listener);
             let taken = or_said(taken, "an effect in place of wrong parameters", left_out);
-            or_said(selected.select(search, say), "a further effect", left_out);
+            or_said(selected.select(search, listener), "a further effect", left_out);
             unsure = details::unsure(search)?;
-            doubts = or_said(Doubts::find(search, &selected, say), may_be, left_out);
+            doubts = or_said(Doubts::find(search, &selected, listener), may_be, left_out);
             wrong = values::wrong(search, &selected.adopted)?;
             if taken.is_none() {
                 break;
@@ -76,7 +77,7 @@ impl Explanation {
         let over: Vec<String> = search.noise.iter().zip(&search.floor).map(|(n, f)| format!("{:.1}", n / f)).collect();
         let first: Vec<String> =
             search.first_noise.iter().zip(&search.floor).map(|(n, f)| format!("{:.1}", n / f)).collect();
-        say(&format!(
+        listener.line(&format!(
             "residual over the noise floor, by joint: {}; before effects {}",
             over.join(" "),
             first.join(" ")
@@ -95,17 +96,17 @@ impl Procedure<'_> {
     pub(crate) fn run(
         &self,
         patch: Option<&MotionBounds>,
-        say: &mut dyn FnMut(&str),
+        listener: &mut dyn Listener,
     ) -> Option<(Diagnosis, Option<Patch>)> {
         let mut log = self.mute.clone();
         log.extend(self.look.iter().flat_map(|run| log_check::check(run, self.nominal)));
         let mut left_out = Vec::new();
         let mut search = Search::new(self.look.iter().collect(), self.nominal)?;
-        let explanation = Explanation::find(&mut search, &mut left_out, say)?;
+        let explanation = Explanation::find(&mut search, &mut left_out, listener)?;
         let mut fit = FittedSteps::new(self, &search, &explanation.adopted, &explanation.wrong.groups)?;
-        say("prediction of the held-out log");
+        listener.line("prediction of the held-out log");
         let prediction = fit.predict(&search)?;
-        say("the sealed torque");
+        listener.line("the sealed torque");
         log.extend(log_check::check(self.sealed, self.nominal));
         let measured = fit.stages(&fit.hidden);
         let seen: Vec<Stages> = fit.seen.iter().map(|run| fit.stages(run)).collect();
@@ -128,8 +129,10 @@ impl Procedure<'_> {
             upheld.fill(false);
         }
         let Explanation { wrong, unsure, doubts, no_body, .. } = explanation;
-        let parameters = details::parameters(&search, &unsure, &wrong, &fit.solved.x, &prediction);
         let (sized, reported) = self.size_causes(&mut report, (&mut search, &wrong), &fit, &mut upheld, &mut left_out);
+        let x = &fit.solved.x;
+        let corrected = sized.as_ref().map_or((&[][..], x), |sized| (&sized.named[..], &sized.x));
+        let parameters = details::parameters(&search, &unsure, &wrong, x, corrected, &prediction);
         let named = |hint: &Cause| report.causes.iter().any(|c| c.effect == hint.effect && c.joints == hint.joints);
         let offsets = torque_offset::causes(self.nominal, &parameters, &report.per_joint);
         let offsets: Vec<Cause> = offsets.into_iter().filter(|hint| !named(hint)).collect();
@@ -139,11 +142,11 @@ impl Procedure<'_> {
         report.details = Some(self.details(&report, &search, &fit.steps, &prediction, stages, parameters));
         report.withdrawn.extend(no_body.map(|what| cause_sizes::hint(payload::EFFECT, Vec::new(), &[what])));
         for what in &left_out {
-            say(&format!("no solution: {what}"));
+            listener.line(&format!("no solution: {what}"));
         }
         report.left_out = left_out;
         let (Some(bounds), Some(sized)) = (patch, sized) else { return Some((report, None)) };
-        say("the model with what was found");
+        listener.line("the model with what was found");
         let all = || fit.seen.iter().chain([&fit.hidden]);
         let doubted = report.links_may_be(counterbalance::EFFECT).then(|| doubts.classes(&links).collect());
         let found = patch::Found {

@@ -5,7 +5,7 @@ mod common;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
 use common::Noise;
-use rivet_diagnosis::{Effect, Run, Verdict, diagnose};
+use rivet_diagnosis::{Effect, Run, Silent, Verdict, diagnose};
 use rivet_dynamics::{Model, Structure, Workspace};
 
 const PERIOD_S: f64 = 0.002;
@@ -68,7 +68,7 @@ fn told(excess: f64) -> rivet_diagnosis::Diagnosis {
         x.extend((0..n).map(|_| size));
     }
     let runs = vec![log(&model, &x, false, excess, 1), log(&model, &x, true, excess, 2)];
-    let found = diagnose(&model, &x, runs, &mut |_| ()).expect("sound logs");
+    let found = diagnose(&model, &x, runs, &mut Silent).expect("sound logs");
     for gap in &found.per_joint {
         println!("{}: {:?} times the noise in motion", gap.joint, gap.in_motion);
     }

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 mod common;
 
 use common::Noise;
-use rivet_diagnosis::{Effect, Run, diagnose};
+use rivet_diagnosis::{Effect, Run, Silent, diagnose};
 use rivet_dynamics::{Model, Structure, Workspace, inverse_dynamics};
 
 struct Counting;
@@ -96,7 +96,7 @@ fn cost(seconds: f64) -> [f64; 2] {
     let before = LIVE.load(Ordering::Relaxed);
     MOST.store(before, Ordering::Relaxed);
     let asked = ALL.load(Ordering::Relaxed);
-    let found = diagnose(&model, &x, vec![run], &mut |_| ()).expect("a sound log");
+    let found = diagnose(&model, &x, vec![run], &mut Silent).expect("a sound log");
     let causes: Vec<Effect> = found.causes.iter().map(|c| c.effect).collect();
     assert_eq!(causes, [Effect::ExternalForce], "{seconds} s");
     [MOST.load(Ordering::Relaxed) - before, ALL.load(Ordering::Relaxed) - asked].map(|bytes| bytes as f64)

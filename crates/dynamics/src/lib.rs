@@ -30,7 +30,7 @@ pub use hash::{Fnv, model_hash};
 pub use link::{LINK_PARAMETERS, LinkParameters, body_from_com, body_in_frame};
 pub use mjcf::{Mjcf, MjcfDrive, MjcfError, MjcfTendon};
 pub use model::{Joints, Model, Structure, friction_sign};
-pub use parameters::{Parameter, ParameterGroup};
+pub use parameters::{Parameter, ParameterGroup, Places};
 pub use pseudo_inertia::{body_from_pseudo_inertia, com_from_body, pseudo_inertia, smallest_eigenvalue};
 pub use rigid::{State, Workspace, inverse_dynamics, mass_matrix, regressor};
 pub use slip::{Slip, WristCoupling};

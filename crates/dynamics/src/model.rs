@@ -4,7 +4,7 @@ use crate::arm::{Arm, MAX_JOINTS};
 use crate::effects::KnownEffects;
 use crate::lanes::{Lanes, Pair};
 use crate::link::{LINK_PARAMETERS, LinkParameters};
-use crate::parameters::Parameter;
+use crate::parameters::{Parameter, Places};
 use crate::rigid::{State, Workspace, regressor_pair_rows, regressor_rows};
 use crate::slip::{Slip, WristCoupling};
 
@@ -132,6 +132,16 @@ impl Model {
         }
         let load = arm.links.clone();
         Model { arm, structure, parameters, load, unknown: Vec::new(), effects: KnownEffects::default() }
+    }
+
+    /// Places of the entries that every model has.
+    pub fn places(&self) -> Places {
+        Places::new(self.arm.dof())
+    }
+
+    /// Where a parameter stands in the standard vector; none of a parameter that this model does not have.
+    pub fn place(&self, parameter: Parameter) -> Option<usize> {
+        self.parameters.iter().position(|other| *other == parameter)
     }
 
     /// The same model with other bodies for the torque that the gears carry (one a joint, in its frame).

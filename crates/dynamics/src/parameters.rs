@@ -12,6 +12,8 @@
 //!   coupling          3    rotor_inertia, viscous, coulomb; only with Structure::coupling
 //! ```
 
+use std::ops::Range;
+
 use crate::arm::{Arm, JointKind};
 use crate::link::LINK_PARAMETERS;
 
@@ -46,6 +48,62 @@ pub enum Parameter {
     CouplingViscous,
     /// Its Coulomb friction.
     CouplingCoulomb,
+}
+
+/// Places of the entries of a standard vector that every model has, whatever its structure.
+///
+/// ```
+/// use rivet_dynamics::Places;
+/// let of_two_joints = Places::new(2);
+/// assert_eq!(Places::link(1), 10..20);
+/// assert_eq!(of_two_joints.coulomb(0), 24);
+/// assert_eq!(of_two_joints.offset(0), 26);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Places {
+    joints: usize,
+}
+
+impl Places {
+    /// Of models with so many joints.
+    pub const fn new(joints: usize) -> Places {
+        Places { joints }
+    }
+
+    /// Entries of the body that joint `link` moves, in the order of [`LinkParameters`](crate::LinkParameters).
+    pub const fn link(link: usize) -> Range<usize> {
+        link * LINK_PARAMETERS..(link + 1) * LINK_PARAMETERS
+    }
+
+    /// Entries of all bodies, from the base on.
+    pub const fn bodies(self) -> Range<usize> {
+        0..self.joints * LINK_PARAMETERS
+    }
+
+    /// [`Parameter::RotorInertia`] of a joint.
+    pub const fn rotor_inertia(self, joint: usize) -> usize {
+        self.of_drive(0, joint)
+    }
+
+    /// [`Parameter::Viscous`] of a joint.
+    pub const fn viscous(self, joint: usize) -> usize {
+        self.of_drive(1, joint)
+    }
+
+    /// [`Parameter::Coulomb`] of a joint.
+    pub const fn coulomb(self, joint: usize) -> usize {
+        self.of_drive(2, joint)
+    }
+
+    /// [`Parameter::Offset`] of a joint, in models with [`Structure::offset`](crate::Structure::offset): the first that not every model has.
+    pub const fn offset(self, joint: usize) -> usize {
+        self.of_drive(3, joint)
+    }
+
+    /// A group of one entry a joint behind the bodies.
+    const fn of_drive(self, group: usize, joint: usize) -> usize {
+        (LINK_PARAMETERS + group) * self.joints + joint
+    }
 }
 
 /// Parameters that belong together in a report.

@@ -155,7 +155,7 @@ fn worse(before: f64, after: f64) -> &'static str {
 }
 
 /// Distance of a simulator from the arm \[mrad\]: beyond [`LOST`] the figure means nothing.
-fn distance(rad: f64) -> String {
+pub(crate) fn distance(rad: f64) -> String {
     if rad > LOST { format!("more than {:.0}", 1e3 * LOST) } else { figure(1e3 * rad, 3) }
 }
 

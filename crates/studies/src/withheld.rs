@@ -7,8 +7,8 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use rivet_config::Robot;
-use rivet_diagnosis::{Diagnosis, Effect, Run, diagnose};
-use rivet_dynamics::{LINK_PARAMETERS, Model, Parameter};
+use rivet_diagnosis::{Diagnosis, Effect, Run, Silent, diagnose};
+use rivet_dynamics::{LINK_PARAMETERS, Model, Parameter, Places};
 use rivet_logs::Log;
 use rivet_simulation::Payload;
 use serde_json::{Value, json};
@@ -163,7 +163,7 @@ impl Part {
                 }
             }
             Part::Link(j) => {
-                for entry in &mut standard[j * LINK_PARAMETERS..(j + 1) * LINK_PARAMETERS] {
+                for entry in &mut standard[Places::link(j)] {
                     *entry *= LINK_KEPT;
                 }
             }
@@ -278,7 +278,7 @@ fn one(set: &Set, root: &Path, data: &Path, engine: &Engine<'_>) -> Result<Arm, 
         runs.extend((engine.runs)(&robot, &read(log)?)?);
     }
     let said = |model: &Model, standard: &[f64], runs: Vec<Run>| {
-        diagnose(model, standard, runs, &mut |_| ()).map_err(|e| e.to_string())
+        diagnose(model, standard, runs, &mut Silent).map_err(|e| e.to_string())
     };
     let whole = said(&known.model, &known.standard, runs.clone())?;
     let parts = Part::of(&known);

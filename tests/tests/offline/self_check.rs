@@ -2,7 +2,7 @@
 //! which nothing is wrong.
 
 use rivet_config::Robot;
-use rivet_diagnosis::{Effect, Run, diagnose, probe};
+use rivet_diagnosis::{Effect, Run, Silent, diagnose, probe};
 use rivet_logs::{ReadOptions, read};
 use rivet_simulation::{Injected, Injector, Recorded};
 use rivet_tests::shared;
@@ -37,7 +37,7 @@ fn the_probe_finds_what_the_diagnosis_finds() {
     let added = |effect: Injected| -> Vec<Vec<Vec<f64>>> { injectors.iter().map(|i| i.torque(effect)).collect() };
     let load = |ratio: f64| added(Injected::LoadFriction { joint: 1, ratio });
     let delay = added(Injected::Delay { seconds: 0.006 });
-    let asked = probe(&robot.model, &robot.nominal, runs.to_vec(), &mut |_| (), |probe| {
+    let asked = probe(&robot.model, &robot.nominal, runs.to_vec(), &mut Silent, |probe| {
         assert!(probe.found().is_empty(), "{:?}", probe.found());
         let first = probe.named_with(&load(0.2), None);
         let faint = probe.named_with(&load(1e-5), None);
@@ -60,7 +60,7 @@ fn the_probe_finds_what_the_diagnosis_finds() {
             tau.iter_mut().zip(added).for_each(|(t, a)| *t += a);
         }
     }
-    let whole = diagnose(&robot.model, &robot.nominal, disturbed, &mut |_| ()).expect("sound logs");
+    let whole = diagnose(&robot.model, &robot.nominal, disturbed, &mut Silent).expect("sound logs");
     let same = whole.causes.iter().any(|c| is(c.effect) && c.joints == [robot.model.arm.joints[1].name.clone()]);
     assert!(same, "{:?}", whole.causes);
 }

@@ -25,6 +25,8 @@ struct Crate {
     name: String,
     /// SPDX expression of its manifest; empty where it has none.
     expression: String,
+    /// As the manifest lists them.
+    authors: Vec<String>,
     folder: PathBuf,
 }
 
@@ -105,6 +107,13 @@ fn crates(source: &Path, names: &BTreeSet<String>) -> Result<Vec<Crate>> {
             found.insert(Crate {
                 name: format!("{} {}", word("name"), word("version")),
                 expression: word("license").to_owned(),
+                authors: package["authors"]
+                    .as_array()
+                    .into_iter()
+                    .flatten()
+                    .filter_map(Value::as_str)
+                    .map(str::to_owned)
+                    .collect(),
                 folder: manifest.parent().context("a manifest lies in a folder")?.to_owned(),
             });
         }
@@ -164,12 +173,14 @@ fn document(crates: &[Crate], texts: &[Vec<String>]) -> String {
         let line = format!("{}: {expression}\n", krate.name);
         out.push_str(&line);
         if texts.iter().all(String::is_empty) {
-            without.push(line);
+            without.push((krate, line));
         }
     }
     if !without.is_empty() {
-        out.push_str("\nThese crates have no text of their own. Their licence is the one stated:\n\n");
-        out.extend(without);
+        out.push_str(
+            "\nThese crates have no text of their own. Their licence is the one stated. The standard text of SPDX is at the end:\n\n",
+        );
+        out.extend(without.iter().map(|(_, line)| line.as_str()));
     }
     // Texts of many crates first.
     let mut users: Vec<_> = users.into_iter().collect();
@@ -178,7 +189,30 @@ fn document(crates: &[Crate], texts: &[Vec<String>]) -> String {
         let crates: Vec<&str> = crates.into_iter().collect();
         out.push_str(&section(&crates.join(", "), text));
     }
+    let mut standard: BTreeMap<&str, Vec<String>> = BTreeMap::new();
+    for (krate, _) in &without {
+        let authors =
+            if krate.authors.is_empty() { "authors of the crate".to_owned() } else { krate.authors.join(", ") };
+        for name in standard_names(&krate.expression) {
+            standard.entry(name).or_default().push(format!("{}, copyright of {authors}", krate.name));
+        }
+    }
+    for (name, crates) in standard {
+        let text = spdx::license_id(name).map_or("", |id| id.text());
+        out.push_str(&section(&format!("{name}, the standard text, for:\n{}", crates.join("\n")), &plain(text)));
+    }
     out
+}
+
+/// Licences whose texts an expression asks for: Apache-2.0 where it suffices, as its text holds no names of authors; else all of them.
+/// Empty for what is no expression.
+fn standard_names(expression: &str) -> BTreeSet<&'static str> {
+    let Ok(parsed) = spdx::Expression::parse_mode(expression, spdx::ParseMode::LAX) else { return BTreeSet::new() };
+    let names = |of: &spdx::LicenseReq| of.license.id().map(|id| id.name);
+    if parsed.evaluate(|of| names(of) == Some("Apache-2.0") && of.addition.is_none()) {
+        return BTreeSet::from(["Apache-2.0"]);
+    }
+    parsed.requirements().filter_map(|of| names(&of.req)).collect()
 }
 
 #[cfg(test)]
@@ -214,6 +248,7 @@ mod tests {
         let krate = |name: &str, expression: &str| Crate {
             name: format!("{name} 1.0.0"),
             expression: expression.to_owned(),
+            authors: vec![format!("Author of {name}")],
             folder: at(name),
         };
         let crates =
@@ -232,7 +267,19 @@ mod tests {
         }
         let (_, without) = text.split_once("no text of their own").expect("a list");
         assert!(without.contains("\nd 1.0.0: ISC\n") && !without.contains("c 1.0.0: BSD"), "{text}");
-        assert!(!text.contains("code") && !text.contains("data"), "{text}");
+        assert!(!text.contains("src/license.rs") && !text.contains("\ncode") && !text.contains("\ndata"), "{text}");
+        let (_, standard) = text.split_once("ISC, the standard text, for:\n").expect("a standard text");
+        assert!(standard.starts_with("d 1.0.0, copyright of Author of d\n"), "{standard}");
+        assert!(standard.contains("Permission to use, copy, modify"), "{standard}");
+    }
+
+    #[test]
+    fn one_licence_suffices_where_authors_leave_the_choice() {
+        assert_eq!(standard_names("MIT OR Apache-2.0"), BTreeSet::from(["Apache-2.0"]));
+        assert_eq!(standard_names("MIT/Apache-2.0"), BTreeSet::from(["Apache-2.0"]));
+        assert_eq!(standard_names("MIT AND Apache-2.0"), BTreeSet::from(["Apache-2.0", "MIT"]));
+        assert_eq!(standard_names("BSD-3-Clause"), BTreeSet::from(["BSD-3-Clause"]));
+        assert_eq!(standard_names("no expression"), BTreeSet::new());
     }
 
     #[test]
@@ -242,9 +289,9 @@ mod tests {
         assert!(standard_library().expect("rustc runs").contains("MIT"));
     }
 
-    /// Every crate that a program is compiled of is known to cargo, and has a text or an expression.
+    /// Every crate that a program is compiled of is known to cargo, and has a text, its own or the standard one.
     #[test]
-    fn every_crate_of_the_programs_has_a_text_or_an_expression() {
+    fn every_crate_of_the_programs_has_a_text() {
         let source = crate::install::workspace().expect("the workspace");
         let mut names = BTreeSet::new();
         for profile in ["release", "service"] {
@@ -259,10 +306,11 @@ mod tests {
         let unknown: Vec<_> =
             names.iter().filter(|name| !own(name) && !known.contains(name.replacen(" v", " ", 1).as_str())).collect();
         assert!(unknown.is_empty(), "{unknown:?}");
+        let has_standard_text = |krate: &Crate| !standard_names(&krate.expression).is_empty();
         let bare: Vec<_> = found
             .iter()
-            .filter(|krate| krate.expression.is_empty() && licence_texts(&krate.folder).expect("read").is_empty())
+            .filter(|krate| !has_standard_text(krate) && licence_texts(&krate.folder).expect("read").is_empty())
             .collect();
-        assert!(found.len() > 100 && bare.is_empty(), "{} crates, without both: {bare:?}", found.len());
+        assert!(found.len() > 100 && bare.is_empty(), "{} crates without a text: {bare:?}", found.len());
     }
 }

@@ -1,6 +1,6 @@
 //! Parts of columns: one joint's signal, values between samples, and torque of rigid bodies.
 
-use rivet_dynamics::{Workspace, inverse_dynamics};
+use rivet_dynamics::{Places, Workspace, inverse_dynamics};
 
 use crate::effects::physics::{Physics, bodies, displaced};
 
@@ -27,7 +27,7 @@ pub(super) fn between(x: &[f64], place: f64) -> f64 {
 pub(super) fn wave(p: &Physics<'_>, joint: usize, order: f64, whole: bool) -> Vec<Full> {
     let (q, qd, qdd) = (&p.motion.q[joint], &p.motion.qd[joint], &p.motion.qdd[joint]);
     let n = p.joints();
-    let (rotor, viscous) = (p.x[10 * n + joint], p.x[11 * n + joint]);
+    let (rotor, viscous) = (p.x[Places::new(n).rotor_inertia(joint)], p.x[Places::new(n).viscous(joint)]);
     let made = |cosine: bool| {
         let mut delta = Vec::with_capacity(q.len());
         let mut accel = Vec::with_capacity(q.len());
@@ -53,7 +53,7 @@ pub(super) fn wave(p: &Physics<'_>, joint: usize, order: f64, whole: bool) -> Ve
 pub(super) fn scale(p: &Physics<'_>, joint: usize) -> Vec<Full> {
     let (q, qd, qdd) = (&p.motion.q[joint], &p.motion.qd[joint], &p.motion.qdd[joint]);
     let n = p.joints();
-    let (rotor, viscous) = (p.x[10 * n + joint], p.x[11 * n + joint]);
+    let (rotor, viscous) = (p.x[Places::new(n).rotor_inertia(joint)], p.x[Places::new(n).viscous(joint)]);
     let mut scale = displaced(p, joint, q, qdd);
     if let Some(own) = &mut scale[joint] {
         own.iter_mut().zip(qdd).zip(qd).for_each(|((t, a), v)| *t += rotor * a + viscous * v);

@@ -7,6 +7,7 @@ use crate::effects::effect_form::EffectForm;
 use crate::effects::physics::Physics;
 use crate::effects::size::named;
 use crate::effects::{Effect, Kind};
+use rivet_dynamics::Places;
 
 /// The effect.
 pub(crate) const EFFECT: Effect = Effect::CoulombFriction;
@@ -34,7 +35,7 @@ impl EffectForm for Coulomb {
     }
 
     fn carried(&self, c: &[f64], _x: &[f64], joints: usize, _: Option<&[f64]>) -> (Carried, Vec<(usize, f64)>) {
-        Carried::values(vec![(12 * joints + self.joint, c[0])])
+        Carried::values(vec![(Places::new(joints).coulomb(self.joint), c[0])])
     }
 
     fn magnitude(&self, c: &[f64], _joints: usize, _reference: &[f64]) -> Vec<(String, f64)> {
@@ -42,7 +43,7 @@ impl EffectForm for Coulomb {
     }
 
     fn place(&self, joints: usize) -> Option<usize> {
-        Some(12 * joints + self.joint)
+        Some(Places::new(joints).coulomb(self.joint))
     }
 
     fn changes_values(&self) -> bool {

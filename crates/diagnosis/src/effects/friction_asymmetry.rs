@@ -1,6 +1,6 @@
 //! Friction that differs between the two directions, and the constant torque that looks the same in motion.
 
-use rivet_dynamics::EffectKind;
+use rivet_dynamics::{EffectKind, Places};
 
 use crate::effects::about::{About, BOTH_DIRECTIONS};
 use crate::effects::carried::Carried;
@@ -82,7 +82,7 @@ impl EffectForm for OneSided {
     fn carried(&self, c: &[f64], _x: &[f64], joints: usize, _: Option<&[f64]>) -> (Carried, Vec<(usize, f64)>) {
         // Half of it is friction of both directions, half pushes one way.
         let push = if self.forwards { 0.5 } else { -0.5 } * c[0];
-        let both = vec![(12 * joints + self.joint, 0.5 * c[0])];
+        let both = vec![(Places::new(joints).coulomb(self.joint), 0.5 * c[0])];
         Carried::section_with_values(EffectKind::FrictionAsymmetry, self.joint, &[push, 0.0], both)
     }
 

@@ -1,6 +1,6 @@
 //! A motor that turns with the sum of two joints: its friction on both, and its rotor.
 
-use rivet_dynamics::{EffectKind, Parameter, friction_sign};
+use rivet_dynamics::{EffectKind, Parameter, Places, friction_sign};
 
 use crate::effects::about::About;
 use crate::effects::carried::Carried;
@@ -68,8 +68,11 @@ impl EffectForm for Coupling {
     }
 
     fn carried(&self, c: &[f64], _x: &[f64], joints: usize, _: Option<&[f64]>) -> (Carried, Vec<(usize, f64)>) {
-        let rotors =
-            if self.whole { [self.driving, self.driven].map(|j| (10 * joints + j, c[2])).to_vec() } else { Vec::new() };
+        let rotors = if self.whole {
+            [self.driving, self.driven].map(|j| (Places::new(joints).rotor_inertia(j), c[2])).to_vec()
+        } else {
+            Vec::new()
+        };
         Carried::section_with_values(EffectKind::JointCoupling, self.driven, c, rotors)
     }
 

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use rivet_dynamics::EffectKind;
+use rivet_dynamics::{EffectKind, Places};
 
 use crate::effects::about::{About, JOINT_POSES};
 use crate::effects::carried::Carried;
@@ -42,7 +42,7 @@ impl EffectForm for Spring {
     }
 
     fn carried(&self, c: &[f64], _x: &[f64], joints: usize, _: Option<&[f64]>) -> (Carried, Vec<(usize, f64)>) {
-        let rest = vec![(13 * joints + self.joint, c[1])];
+        let rest = vec![(Places::new(joints).offset(self.joint), c[1])];
         Carried::section_with_values(EffectKind::JointSpring, self.joint, &c[..1], rest)
     }
 

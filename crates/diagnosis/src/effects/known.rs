@@ -154,6 +154,7 @@ mod tests {
     use crate::effects::viscous_friction::Viscous;
     use crate::effects::viscous_nonlinearity::ViscousNonlinearity;
     use crate::effects::warming::Warmth;
+    use rivet_dynamics::Places;
     use rivet_dynamics::{Arm, Structure};
 
     /// By watts that are none a robot file would get an infinite number, which nothing reads.
@@ -240,7 +241,7 @@ mod tests {
             seen.push(effect.kind);
             let mut handed_on = torque(&nominal, &[effect], &run, &motion);
             // Friction of both directions and rotors go into the values; offsets are zero here.
-            for (at, change) in beside.into_iter().filter(|(at, _)| *at < 13 * n) {
+            for (at, change) in beside.into_iter().filter(|(at, _)| *at < Places::new(n).offset(0)) {
                 let signal = [&motion.qdd, &motion.qd, &physics.sign][at / n - 10];
                 handed_on[at % n].iter_mut().zip(&signal[at % n]).for_each(|(to, s)| *to += change * s);
             }

@@ -10,6 +10,7 @@ use crate::effects::size::named;
 use crate::effects::{Effect, Kind};
 use crate::model::nominal::Nominal;
 use crate::policy::POLICY;
+use rivet_dynamics::Places;
 
 /// The effect.
 pub(crate) const EFFECT: Effect = Effect::LinkInertia;
@@ -33,11 +34,11 @@ impl EffectForm for LinkScale {
     }
 
     fn columns(&self, p: &Physics<'_>) -> Vec<Full> {
-        vec![body(p, self.link, &std::array::from_fn(|e| p.nominal.x[10 * self.link + e]))]
+        vec![body(p, self.link, &std::array::from_fn(|e| p.nominal.x[Places::link(self.link).start + e]))]
     }
 
     fn carried(&self, c: &[f64], x: &[f64], _joints: usize, _: Option<&[f64]>) -> (Carried, Vec<(usize, f64)>) {
-        Carried::values((0..10).map(|e| (10 * self.link + e, c[0] * x[10 * self.link + e])).collect())
+        Carried::values(Places::link(self.link).map(|at| (at, c[0] * x[at])).collect())
     }
 
     fn magnitude(&self, c: &[f64], _joints: usize, _reference: &[f64]) -> Vec<(String, f64)> {
@@ -54,7 +55,7 @@ impl EffectForm for LinkScale {
     }
 
     fn impossible(&self, _c: &[f64], nominal: &Nominal, standard: &[f64]) -> Option<Impossible> {
-        (10 * self.link..10 * self.link + 10).find_map(|at| of_value(at, nominal, standard))
+        Places::link(self.link).find_map(|at| of_value(at, nominal, standard))
     }
 
     fn changes_values(&self) -> bool {

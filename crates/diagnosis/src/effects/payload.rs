@@ -1,6 +1,6 @@
 //! A body at the flange: its ten parameters.
 
-use rivet_dynamics::Parameter;
+use rivet_dynamics::{Parameter, Places};
 
 use crate::effects::about::{ARM_POSES, About};
 use crate::effects::carried::Carried;
@@ -41,7 +41,7 @@ impl EffectForm for Payload {
     }
 
     fn carried(&self, c: &[f64], _x: &[f64], joints: usize, _: Option<&[f64]>) -> (Carried, Vec<(usize, f64)>) {
-        Carried::values((0..10).map(|e| (10 * (joints - 1) + e, c[e])).collect())
+        Carried::values(Places::link(joints - 1).zip(c.iter().copied()).collect())
     }
 
     fn magnitude(&self, c: &[f64], _joints: usize, _reference: &[f64]) -> Vec<(String, f64)> {

@@ -2,7 +2,7 @@
 
 use std::sync::OnceLock;
 
-use rivet_dynamics::{Workspace, friction_sign, inverse_dynamics, mass_matrix};
+use rivet_dynamics::{Places, Workspace, friction_sign, inverse_dynamics, mass_matrix};
 
 use crate::model::nominal::Nominal;
 use crate::model::run::{Motion, Run};
@@ -136,7 +136,7 @@ impl<'a> Physics<'a> {
 
     /// Place of a joint's Coulomb friction in the standard vector.
     pub(crate) fn coulomb(&self, joint: usize) -> usize {
-        10 * self.joints() + 2 * self.joints() + joint
+        Places::new(self.joints()).coulomb(joint)
     }
 
     pub(crate) fn samples(&self) -> usize {
@@ -150,7 +150,7 @@ impl<'a> Physics<'a> {
 
 /// The bodies in a standard vector.
 pub(crate) fn bodies(x: &[f64], joints: usize) -> Vec<[f64; 10]> {
-    (0..joints).map(|link| std::array::from_fn(|e| x[10 * link + e])).collect()
+    (0..joints).map(|link| std::array::from_fn(|e| x[Places::link(link).start + e])).collect()
 }
 
 /// Change of the rigid torques when joint `joint` is really at `q + δ`: `M δ̈ + ∂τ/∂q δ`, Coriolis terms of δ̇ left out.

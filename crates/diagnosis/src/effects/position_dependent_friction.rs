@@ -1,6 +1,6 @@
 //! Friction that varies with the joint's angle: `s·cos(kq)`, `s·sin(kq)`, `s`.
 
-use rivet_dynamics::{EffectKind, Parameter};
+use rivet_dynamics::{EffectKind, Parameter, Places};
 
 use crate::effects::about::{About, SLOW_SPEEDS};
 use crate::effects::carried::Carried;
@@ -55,7 +55,7 @@ impl EffectForm for PositionFriction {
     }
 
     fn carried(&self, c: &[f64], _x: &[f64], joints: usize, _: Option<&[f64]>) -> (Carried, Vec<(usize, f64)>) {
-        let level = vec![(12 * joints + self.joint, c[2])];
+        let level = vec![(Places::new(joints).coulomb(self.joint), c[2])];
         let values = [c[0], c[1], self.order];
         Carried::section_with_values(EffectKind::PositionDependentFriction, self.joint, &values, level)
     }

@@ -1,6 +1,6 @@
 //! Presliding friction: a Dahl spring before sliding; and the hysteresis of a hose or cable in parallel to friction.
 
-use rivet_dynamics::{EffectKind, KnownEffect};
+use rivet_dynamics::{EffectKind, KnownEffect, Places};
 
 use crate::effects::about::About;
 use crate::effects::carried::Carried;
@@ -40,7 +40,7 @@ impl Presliding {
     /// The form of an effect of a robot file, and the factor of its column; none where the joint has no Coulomb friction.
     pub(super) fn from_file(effect: &KnownEffect, x: &[f64], joints: usize) -> Option<(Presliding, f64)> {
         let [stiction, length, ..] = effect.values;
-        let level = x[12 * joints + effect.joint].abs();
+        let level = x[Places::new(joints).coulomb(effect.joint)].abs();
         (level > 0.0).then(|| (Presliding { joint: effect.joint, length }, stiction / level))
     }
 }
@@ -66,12 +66,12 @@ impl EffectForm for Presliding {
     }
 
     fn carried(&self, c: &[f64], x: &[f64], joints: usize, _: Option<&[f64]>) -> (Carried, Vec<(usize, f64)>) {
-        let level = x[12 * joints + self.joint].abs();
+        let level = x[Places::new(joints).coulomb(self.joint)].abs();
         Carried::section(EffectKind::PreslidingFriction, self.joint, &[c[0] * level, self.length])
     }
 
     fn magnitude(&self, c: &[f64], joints: usize, reference: &[f64]) -> Vec<(String, f64)> {
-        let level = c[0] * reference[12 * joints + self.joint].abs();
+        let level = c[0] * reference[Places::new(joints).coulomb(self.joint)].abs();
         named(&[("length_rad", self.length), ("stiffness_Nm_rad", level / self.length)])
     }
 

@@ -8,6 +8,7 @@ use crate::effects::physics::Physics;
 use crate::effects::size::named;
 use crate::effects::variable::Variable;
 use crate::effects::{Effect, Kind};
+use rivet_dynamics::Places;
 
 /// The effect.
 pub(crate) const EFFECT: Effect = Effect::RotorInertia;
@@ -39,15 +40,15 @@ impl EffectForm for RotorInertia {
     }
 
     fn carried(&self, c: &[f64], _x: &[f64], joints: usize, _: Option<&[f64]>) -> (Carried, Vec<(usize, f64)>) {
-        Carried::values(vec![(10 * joints + self.joint, c[0])])
+        Carried::values(vec![(Places::new(joints).rotor_inertia(self.joint), c[0])])
     }
 
     fn magnitude(&self, c: &[f64], joints: usize, reference: &[f64]) -> Vec<(String, f64)> {
-        named(&[("inertia_gain", 1.0 + c[0] / reference[10 * joints + self.joint].max(1e-12))])
+        named(&[("inertia_gain", 1.0 + c[0] / reference[Places::new(joints).rotor_inertia(self.joint)].max(1e-12))])
     }
 
     fn place(&self, joints: usize) -> Option<usize> {
-        Some(10 * joints + self.joint)
+        Some(Places::new(joints).rotor_inertia(self.joint))
     }
 
     fn changes_values(&self) -> bool {

@@ -1,6 +1,6 @@
 //! Friction that changes as the joint warms up: by a measured temperature, or by friction's own power through a lag.
 
-use rivet_dynamics::{EffectKind, KnownEffect};
+use rivet_dynamics::{EffectKind, KnownEffect, Places};
 
 use crate::effects::about::About;
 use crate::effects::carried::Carried;
@@ -113,13 +113,15 @@ impl EffectForm for Warming {
                 "friction dissipates no power with the parameters found, so it cannot warm the joint",
             );
         }
-        let changes = vec![(11 * joints + joint, c[0] * early), (12 * joints + joint, c[1] * early)];
+        let places = Places::new(joints);
+        let changes = vec![(places.viscous(joint), c[0] * early), (places.coulomb(joint), c[1] * early)];
         Carried::section_with_values(EffectKind::TemperatureDependentFriction, joint, &values, changes)
     }
 
     fn magnitude(&self, c: &[f64], joints: usize, reference: &[f64]) -> Vec<(String, f64)> {
         let Warming { joint, warmth } = self;
-        let friction = [reference[11 * joints + joint], reference[12 * joints + joint]];
+        let places = Places::new(joints);
+        let friction = [places.viscous(*joint), places.coulomb(*joint)].map(|at| reference[at]);
         let [first, last] = warmth.ends(c, friction);
         let change = |first: f64, last: f64| 100.0 * (last - first) / first;
         let all = |at: [f64; 2]| at[0] * warmth.work[1] + at[1] * warmth.work[0];

@@ -1,6 +1,6 @@
 //! Friction that grows not in proportion to speed: `q̇`, `q̇|q̇|`, `q̇³`.
 
-use rivet_dynamics::{EffectKind, Parameter};
+use rivet_dynamics::{EffectKind, Parameter, Places};
 
 use crate::effects::about::{About, CONSTANT_SPEEDS};
 use crate::effects::carried::Carried;
@@ -39,13 +39,13 @@ impl EffectForm for ViscousNonlinearity {
     }
 
     fn carried(&self, c: &[f64], _x: &[f64], joints: usize, _: Option<&[f64]>) -> (Carried, Vec<(usize, f64)>) {
-        let slope = vec![(11 * joints + self.joint, c[0])];
+        let slope = vec![(Places::new(joints).viscous(self.joint), c[0])];
         Carried::section_with_values(EffectKind::ViscousNonlinearity, self.joint, &c[1..], slope)
     }
 
     fn magnitude(&self, c: &[f64], joints: usize, reference: &[f64]) -> Vec<(String, f64)> {
         named(&[
-            ("linear_Nms_rad", reference[11 * joints + self.joint] + c[0]),
+            ("linear_Nms_rad", reference[Places::new(joints).viscous(self.joint)] + c[0]),
             ("quadratic_Nms2_rad2", c[1]),
             ("cubic_Nms3_rad3", c[2]),
         ])

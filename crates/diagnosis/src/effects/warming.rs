@@ -14,6 +14,7 @@
 use crate::effects::physics::Physics;
 use crate::model::run::{Motion, Run};
 use crate::policy::POLICY;
+use rivet_dynamics::Places;
 
 /// Change of the friction's power over what was looked at, least and most of the larger end: less is not worth a name, and
 /// no lubricant does more.
@@ -89,7 +90,7 @@ impl Warmth {
 }
 
 pub(crate) fn power(x: &[f64], joints: usize, joint: usize, [speed, square]: [f64; 2]) -> f64 {
-    x[12 * joints + joint].max(0.0) * speed + x[11 * joints + joint].max(0.0) * square
+    x[Places::new(joints).coulomb(joint)].max(0.0) * speed + x[Places::new(joints).viscous(joint)].max(0.0) * square
 }
 
 /// Friction power by the standard vector `x` through a lag of `time_s` along a run \[W\], `from` \[W\] where its past begins.

@@ -1,6 +1,6 @@
 //! What each file format carries of a model, and the torque that it loses.
 
-use rivet_dynamics::{EffectKind, KnownEffect, Parameter, ParameterGroup};
+use rivet_dynamics::{EffectKind, KnownEffect, Parameter, ParameterGroup, Places};
 
 use crate::policy::POLICY;
 
@@ -149,7 +149,7 @@ fn mjcf_place(e: &KnownEffect, standard: &[f64], joints: usize) -> Result<String
         EffectKind::TorqueSaturation => "forcerange of the motor",
         EffectKind::EncoderOffset => "joint ref",
         EffectKind::JointCoupling => {
-            let rotor = |j: usize| standard[10 * joints + j];
+            let rotor = |j: usize| standard[Places::new(joints).rotor_inertia(j)];
             return if mjcf_coupling_fits(e, rotor) {
                 Ok("fixed tendon with armature, damping and frictionloss".to_owned())
             } else {

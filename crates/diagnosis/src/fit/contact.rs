@@ -6,7 +6,7 @@
 use std::ops::Range;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Vector3};
-use rivet_dynamics::{Arm, Joint, JointKind, Workspace, flange_pose, inverse_dynamics};
+use rivet_dynamics::{Arm, Joint, JointKind, Places, Workspace, flange_pose, inverse_dynamics};
 
 use crate::effects::external_force::{Force, force_components};
 use crate::effects::physics::Physics;
@@ -100,7 +100,7 @@ impl Search<'_> {
 
 /// How far from the origin of the last link something may touch it \[m\]: twice as far as its centre of mass, and a hand more.
 fn reach(nominal: &Nominal) -> f64 {
-    let last = &nominal.x[10 * (nominal.model.arm.dof() - 1)..];
+    let last = &nominal.x[Places::link(nominal.model.arm.dof() - 1)];
     let arm = last[1..4].iter().map(|h| h * h).sum::<f64>().sqrt() / last[0].max(f64::MIN_POSITIVE);
     POLICY.priors.min_contact_distance_m + 2.0 * arm.min(LONGEST_M)
 }

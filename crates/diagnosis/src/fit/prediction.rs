@@ -29,6 +29,7 @@ use crate::model::log_fault::LogFault;
 use crate::numerics::random::Random;
 use crate::policy::POLICY;
 use nalgebra::DVector;
+use rivet_dynamics::Places;
 
 /// Speeds are told apart by half decades, this many, from ten to the minus `SLOWEST` rad/s on.
 const SPEED_BINS: usize = 9;
@@ -82,7 +83,7 @@ pub(crate) fn predict(
         without_silent[*c] = -means[*c];
     }
     let joints = sealed.run.floor.len();
-    let friction = (12 * joints..13 * joints).map(|c| nominal[c] + x[c] + means[c]).collect();
+    let friction = (0..joints).map(|j| Places::new(joints).coulomb(j)).map(|c| nominal[c] + x[c] + means[c]).collect();
     let rest =
         Leaves::new(seen, sealed, |run| run.stages(nominal, steps, &without_silent, means), steps.len(), friction);
     let every: Vec<usize> = (0..rest.blocks.len()).collect();

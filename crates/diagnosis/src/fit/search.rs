@@ -10,6 +10,7 @@ use crate::effects::physics::Physics;
 use crate::effects::temperature_dependent_friction;
 use crate::fit::design::Design;
 use crate::fit::evidence::{Added, Background, Belief, CandidateCell, FOLDS, PRIOR_SCALES, Solved};
+use crate::model::listener::Listener;
 use crate::model::nominal::Nominal;
 use crate::model::rows::Column;
 use crate::model::standstill;
@@ -403,13 +404,14 @@ impl<'a> Search<'a> {
         Some(self.runs.iter().map(made).collect())
     }
 
-    /// Every candidate there is; with their scores where there is a `scoring`.
+    /// Every candidate there is, with scores where there is a `scoring`. The listener gets how many are done.
     pub(crate) fn candidates(
         &self,
         physics: &[Physics<'_>],
         orders: &[Vec<f64>],
         bursts: &Bursts,
         scoring: Option<&Scoring<'_>>,
+        listener: &mut dyn Listener,
     ) -> Vec<Candidate> {
         let new = self.design.background.local.is_empty() && !bursts.iter().all(Vec::is_empty);
         let force = |moment| Form::from(Force { windows: bursts.clone(), moment });
@@ -426,6 +428,6 @@ impl<'a> Search<'a> {
             }
             Some(candidate)
         };
-        parallel::map(&forms, made).into_iter().flatten().collect()
+        parallel::map_counted(&forms, made, |done| listener.count(done, forms.len())).into_iter().flatten().collect()
     }
 }

@@ -4,7 +4,7 @@
 //! far beyond that, and what is left looks like a spring. So a counterbalance is held against its own link, free as far as the link is
 //! long: where that explains as much, the two are one class.
 
-use rivet_dynamics::Arm;
+use rivet_dynamics::{Arm, Places};
 
 use crate::effects::Effect;
 use crate::effects::Form;
@@ -15,6 +15,7 @@ use crate::effects::payload;
 use crate::effects::physical_bounds;
 use crate::experiment::separating_motion::Class;
 use crate::fit::search::Search;
+use crate::model::listener::Listener;
 use crate::policy::POLICY;
 use crate::report::diagnosis::Diagnosis;
 use crate::select::adopted::{Adopted, Rival};
@@ -47,7 +48,11 @@ pub(crate) struct Doubts {
 
 impl Doubts {
     /// None where equations have no solution.
-    pub(crate) fn find(search: &mut Search<'_>, selected: &Selected<'_>, say: &mut dyn FnMut(&str)) -> Option<Doubts> {
+    pub(crate) fn find(
+        search: &mut Search<'_>,
+        selected: &Selected<'_>,
+        listener: &mut dyn Listener,
+    ) -> Option<Doubts> {
         let free = search.solved(search.scale)?;
         let mut counterbalance = Vec::new();
         for joint in 0..search.noise.len() {
@@ -58,7 +63,7 @@ impl Doubts {
                 .filter(|added| added.log_evidence - free.log_evidence >= POLICY.adoption.min_counterbalance_doubt);
             if let Some(added) = &added {
                 let gain = added.log_evidence - free.log_evidence;
-                say(&format!(
+                listener.line(&format!(
                     "a counterbalance on joint {} with free parameters: log evidence \
                               {gain:+.0}",
                     joint + 1
@@ -117,7 +122,7 @@ impl Diagnosis {
 
 /// The body of link `joint` instead of a counterbalance there, where it explains as much and is one that can be; else nothing.
 fn rival(search: &mut Search<'_>, one: &Adopted, joint: usize) -> Option<Vec<Rival>> {
-    let first_column = 10 * joint;
+    let first_column = Places::link(joint).start;
     let mass = search.nominal.x[first_column];
     let far = length(&search.nominal.model.arm, joint);
     if mass <= 0.0 || far <= 0.0 {

@@ -1,5 +1,6 @@
 //! Whether contact is a load change: a force that begins or ends during a run and stays.
 
+use rivet_dynamics::Places;
 use std::fmt;
 
 use nalgebra::{DMatrix, DVector};
@@ -62,7 +63,7 @@ pub(crate) fn held_load(
 /// Share of the squares of `force` over `rows` that the last link's body explains, each joint in units of its noise.
 fn explained(run: &Prepared, rows: &[usize], force: &impl Fn(usize, usize) -> f64) -> f64 {
     let joints = run.tau.len();
-    let last = 10 * (joints - 1);
+    let last = Places::link(joints - 1).start;
     let cells: Vec<(usize, usize)> = (0..joints).flat_map(|j| rows.iter().map(move |row| (j, *row))).collect();
     let weight = |j: usize| 1.0 / run.floor[j].max(f64::MIN_POSITIVE);
     let y = DVector::from_iterator(cells.len(), cells.iter().map(|(j, row)| weight(*j) * force(*j, *row)));

@@ -15,6 +15,7 @@ use crate::fit::stages::{RunColumns, Stages};
 use crate::judge::causes::share_left;
 use crate::judge::procedure::Procedure;
 use crate::model::gap::Gap;
+use crate::model::listener::Listener;
 use crate::model::nominal::Nominal;
 use crate::model::rows::Column;
 use crate::policy::POLICY;
@@ -187,7 +188,7 @@ impl<'a> Looked<'a> {
 
 /// What is said of an arm that is mounted or counted otherwise than its file says, before anything else is asked of its logs; none of
 /// others.
-pub(crate) fn check(procedure: &Procedure<'_>, say: &mut dyn FnMut(&str)) -> Option<Diagnosis> {
+pub(crate) fn check(procedure: &Procedure<'_>, listener: &mut dyn Listener) -> Option<Diagnosis> {
     let Procedure { nominal, look, .. } = *procedure;
     let looked = Looked::at(look, nominal);
     let as_given = looked.as_given();
@@ -213,7 +214,7 @@ pub(crate) fn check(procedure: &Procedure<'_>, say: &mut dyn FnMut(&str)) -> Opt
         });
     let alike: Vec<(Effect, f64)> = alike.collect();
     tell(procedure, told, missed / as_given, alike).inspect(|_| {
-        say(match told {
+        listener.line(match told {
             Otherwise::Gravity(_) => "gravity points elsewhere",
             Otherwise::Zero(_) => "a joint's zero is elsewhere",
         });

@@ -62,6 +62,7 @@ mod tests {
     use rivet_dynamics::{Arm, Model, Structure};
 
     use super::*;
+    use rivet_dynamics::Places;
 
     /// Rotors that are twice what the file says, a payload's worth on the last link, and friction that is nothing like the file's.
     #[test]
@@ -82,16 +83,22 @@ mod tests {
             }
             joints(&nominal, &x, &[], &[], &heard)
         };
-        let rotors = |count: usize| -> Vec<(usize, f64)> { (0..count).map(|j| (10 * n + j, 2.0)).collect() };
+        let rotors = |count: usize| -> Vec<(usize, f64)> {
+            (0..count).map(|j| (Places::new(n).rotor_inertia(j), 2.0)).collect()
+        };
         assert_eq!(with(&rotors(4)), Some(vec![0, 1, 2, 3]));
         assert_eq!(with(&rotors(3)), None, "three of six may be placeholders");
         assert_eq!(
-            with(&(0..n).map(|j| (10 * n + j, 0.5)).collect::<Vec<_>>()),
+            with(&(0..n).map(|j| (Places::new(n).rotor_inertia(j), 0.5)).collect::<Vec<_>>()),
             None,
             "a quarter is a poor data sheet"
         );
-        assert_eq!(with(&(0..n).map(|j| (12 * n + j, 50.0)).collect::<Vec<_>>()), None, "friction is in no data sheet");
-        assert_eq!(with(&[(10 * (n - 1), 50.0)]), None, "one body");
+        assert_eq!(
+            with(&(0..n).map(|j| (Places::new(n).coulomb(j), 50.0)).collect::<Vec<_>>()),
+            None,
+            "friction is in no data sheet"
+        );
+        assert_eq!(with(&[(Places::link(n - 1).start, 50.0)]), None, "one body");
         // Values that cannot be are put back as given.
         let put_back =
             |impossible: &[usize]| joints(&nominal, &DVector::zeros(nominal.x.len()), &[], impossible, &heard);

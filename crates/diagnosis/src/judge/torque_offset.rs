@@ -20,7 +20,7 @@ pub(crate) fn causes(nominal: &Nominal, parameters: &[ParameterLine], joints: &[
             && line.state == ParameterState::Pinned
             && fitted;
         is_large.then(|| {
-            let friction = nominal.x[12 * nominal.model.arm.dof() + j];
+            let friction = nominal.x[nominal.model.places().coulomb(j)];
             let share = if friction > 0.0 {
                 format!(", {:.0} % of its friction", 100.0 * more.abs() / friction)
             } else {

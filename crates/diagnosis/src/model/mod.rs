@@ -3,6 +3,7 @@
 pub(crate) mod clock;
 pub(crate) mod gap;
 pub(crate) mod history;
+pub(crate) mod listener;
 pub(crate) mod log_fault;
 pub(crate) mod nominal;
 pub(crate) mod rows;

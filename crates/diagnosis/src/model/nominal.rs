@@ -1,6 +1,6 @@
 //! The nominal model: its standard columns, and priors of how wrong its values usually are.
 
-use rivet_dynamics::{Model, Parameter, Structure, Workspace, com_from_body};
+use rivet_dynamics::{Model, Parameter, Places, Structure, Workspace, com_from_body};
 
 use crate::model::rows::{Chain, Column};
 use crate::model::run::{Motion, Run};
@@ -83,7 +83,7 @@ fn usual_error(parameter: Parameter, model: &Model, x: &[f64], typical: &Typical
         Parameter::Viscous(j) if missing => POLICY.priors.missing_torque_share * torque[j] / typical.speed[j],
         Parameter::Coulomb(j) if missing => POLICY.priors.missing_torque_share * torque[j],
         Parameter::Link { link, entry } => {
-            let body: [f64; 10] = std::array::from_fn(|e| x[10 * link + e]);
+            let body: [f64; 10] = std::array::from_fn(|e| x[Places::link(link).start + e]);
             let (mass, com, inertia) = com_from_body(&body);
             let trace = inertia[0][0] + inertia[1][1] + inertia[2][2];
             // Radius of gyration: the length by which a body's centre may be off without looking absurd.

@@ -4,6 +4,7 @@
 //! pool's worker would meanwhile take up other work, which may wait for the very signal that it is making.
 
 use std::num::NonZero;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// More threads than this gain nothing: memory is the bound.
 const MAX_THREADS: usize = 8;
@@ -12,16 +13,30 @@ const CHUNK: usize = 2048;
 
 /// `f` of every item.
 pub(crate) fn map<T: Sync, R: Send>(items: &[T], f: impl Fn(&T) -> R + Sync) -> Vec<R> {
-    let workers = std::thread::available_parallelism().map_or(1, NonZero::get).min(MAX_THREADS).min(items.len());
-    if workers < 2 {
-        return items.iter().map(f).collect();
-    }
-    let f = &f;
+    map_counted(items, f, |_| ())
+}
+
+/// As [`map`]; `count` gets the number of items that are done, on this thread, after each item that this thread did.
+pub(crate) fn map_counted<T: Sync, R: Send>(
+    items: &[T],
+    f: impl Fn(&T) -> R + Sync,
+    mut count: impl FnMut(usize),
+) -> Vec<R> {
+    let workers = std::thread::available_parallelism().map_or(1, NonZero::get).min(MAX_THREADS).min(items.len()).max(1);
+    let finished = AtomicUsize::new(0);
+    let one = |item: &T| (f(item), finished.fetch_add(1, Ordering::Relaxed) + 1);
+    // Neighbours cost alike: each worker takes every so manieth.
+    let share = |w: usize| items.iter().skip(w).step_by(workers).map(&one);
     let done: Vec<Vec<R>> = std::thread::scope(|scope| {
-        // Neighbours cost alike: each worker takes every so manieth.
-        let start = |w: usize| scope.spawn(move || items.iter().skip(w).step_by(workers).map(f).collect());
-        let running: Vec<_> = (0..workers).map(start).collect();
-        running.into_iter().map(|r| r.join().unwrap_or_else(|why| std::panic::resume_unwind(why))).collect()
+        let start = |w: usize| scope.spawn(move || share(w).map(|(result, _)| result).collect());
+        let running: Vec<_> = (1..workers).map(start).collect();
+        let counted = |(result, done)| {
+            count(done);
+            result
+        };
+        let own: Vec<R> = share(0).map(counted).collect();
+        let others = running.into_iter().map(|r| r.join().unwrap_or_else(|why| std::panic::resume_unwind(why)));
+        std::iter::once(own).chain(others).collect()
     });
     let mut parts: Vec<_> = done.into_iter().map(Vec::into_iter).collect();
     (0..items.len()).filter_map(|i| parts[i % workers].next()).collect()
@@ -47,7 +62,11 @@ mod tests {
     fn results_stand_in_the_order_of_items() {
         for count in [0_usize, 1, 2, 7, 100] {
             let items: Vec<usize> = (0..count).collect();
-            assert_eq!(super::map(&items, |i| i * i), items.iter().map(|i| i * i).collect::<Vec<_>>());
+            let mut counts = Vec::new();
+            let squares = super::map_counted(&items, |i| i * i, |done| counts.push(done));
+            assert_eq!(squares, items.iter().map(|i| i * i).collect::<Vec<_>>());
+            assert!(counts.is_sorted() && counts.iter().all(|done| (1..=count).contains(done)), "{counts:?}");
+            assert_eq!(counts.is_empty(), count == 0);
         }
     }
 }

@@ -170,12 +170,14 @@ pub(crate) fn unsure(search: &Search<'_>) -> Option<Unsure> {
     Some(Unsure { share, covariance: found.covariance(search.nominal.x.len())? })
 }
 
-/// The model's values, as given and as found.
+/// The model's values, as given and as found with everything free; the `named` ones as in the corrected model, whose coefficients are
+/// theirs.
 pub(crate) fn parameters(
     search: &Search<'_>,
     unsure: &Unsure,
     wrong: &Wrong,
     x: &DVector<f64>,
+    (named, corrected): (&[usize], &DVector<f64>),
     prediction: &Prediction,
 ) -> Vec<ParameterLine> {
     let model = &search.nominal.model;
@@ -185,7 +187,9 @@ pub(crate) fn parameters(
         .enumerate()
         .map(|(i, parameter)| {
             let given = search.nominal.x[i];
-            let found = given + x[i];
+            // The other causes change a value when a withdrawn one no longer takes its part.
+            let shift = if named.contains(&i) { corrected[i] - x[i] } else { 0.0 };
+            let found = given + x[i] + shift;
             // Resampled blocks tell how much a fit varies that believes some values as given; whether those are right they do not.
             let half = NINETY * unsure.covariance[(i, i)].max(0.0).sqrt();
             let (low, high) = prediction.coefficients[i];
@@ -209,8 +213,8 @@ pub(crate) fn parameters(
                 joint: parameter.joint(),
                 given,
                 found,
-                low: (given + low).min(found),
-                high: (given + high).max(found),
+                low: (given + shift + low).min(found),
+                high: (given + shift + high).max(found),
                 state,
                 wrong: x[i] != 0.0 && wrong.groups.iter().any(|g| g.columns.contains(&i)),
             }

@@ -1,5 +1,6 @@
 //! Repeatability: the scatter of torque where the logs contain the same motion twice.
 
+use rivet_dynamics::Places;
 use std::ops::Range;
 
 use nalgebra::{Cholesky, DMatrix, DVector};
@@ -163,7 +164,7 @@ fn differs(one: &Rows<'_>, other: &Rows<'_>, again: &[Again], j: usize, load: bo
         columns.push(sampled(&|k, at| a[j][k] - between(&b[j], at)));
     }
     if load {
-        let last = 10 * (one.q.len() - 1);
+        let last = Places::link(one.q.len() - 1).start;
         let body = one.run.standard[last..last + 10].iter().filter_map(|column| column[j].as_ref());
         columns.extend(body.map(|column| sampled(&|k, _| column[k])));
     }

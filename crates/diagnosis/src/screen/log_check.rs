@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use rivet_dynamics::Model;
+use rivet_dynamics::{Model, Places};
 
 use crate::model::log_fault::{LogFault, LogFinding};
 use crate::model::nominal::Nominal;
@@ -44,7 +44,7 @@ pub(crate) fn leave_out_held(run: &mut Prepared, nominal: &Nominal) {
     let joints = run.tau.len();
     for j in (0..joints).filter(|j| is_still(&run.motion, *j)) {
         let rms = (dot(&run.tau[j], &run.tau[j]) / run.rows().max(1) as f64).sqrt();
-        if run.silent[j].is_none() && rms < nominal.x[12 * joints + j].abs() {
+        if run.silent[j].is_none() && rms < nominal.x[Places::new(joints).coulomb(j)].abs() {
             run.silent[j] = Some(LogFault::Still(top_speed(&run.motion, j)));
         }
     }
@@ -77,10 +77,10 @@ pub(crate) fn check(run: &Prepared, nominal: &Nominal) -> Vec<LogFinding> {
             say(LogFault::Still(top_speed(&run.motion, j)));
             continue;
         }
-        let links = 10 * run.silent.len();
+        let links = nominal.model.places().bodies().end;
         let (bodies, drive) = (of_values(run, nominal, j, 0..links), of_drive(run, nominal, j));
         // Torque of 1 kg at the flange.
-        let at_flange = run.standard[links - 10][j].as_deref();
+        let at_flange = run.standard[Places::link(run.silent.len() - 1).start][j].as_deref();
         let modelled: Vec<f64> = bodies.iter().zip(&drive).map(|(b, d)| b + d).collect();
         let (tau, speed) = (&run.tau[j], run.chain.sample(&run.motion.qd[j]));
         let cosine = |a: &[f64], b: &[f64]| dot(a, b) / (dot(a, a) * dot(b, b)).sqrt().max(f64::MIN_POSITIVE);
@@ -91,8 +91,8 @@ pub(crate) fn check(run: &Prepared, nominal: &Nominal) -> Vec<LogFinding> {
         let (own, due) = (apart(tau, &friction_shapes), apart(&modelled, &friction_shapes));
         let rest = dot(&own, &due) / dot(&due, &due).max(f64::MIN_POSITIVE);
         let felt = dot(&due, &due) > POLICY.screening.min_body_torque_share * dot(&modelled, &modelled);
-        let n = run.silent.len();
-        let unknown = [11, 12].iter().all(|at| nominal.x[at * n + j] == 0.0);
+        let places = nominal.model.places();
+        let unknown = [places.viscous(j), places.coulomb(j)].iter().all(|at| nominal.x[*at] == 0.0);
         let least = if !felt {
             POLICY.screening.min_unit_ratio_of_friction
         } else if unknown {
@@ -131,12 +131,12 @@ pub(crate) fn check(run: &Prepared, nominal: &Nominal) -> Vec<LogFinding> {
 
 /// Rows of joint `j`'s torque by the file's bodies, drive and known effects.
 pub(crate) fn of_file(run: &Prepared, nominal: &Nominal, j: usize) -> Vec<f64> {
-    let bodies = of_values(run, nominal, j, 0..10 * run.silent.len());
+    let bodies = of_values(run, nominal, j, nominal.model.places().bodies());
     bodies.iter().zip(of_drive(run, nominal, j)).map(|(body, drive)| body + drive).collect()
 }
 
 fn of_drive(run: &Prepared, nominal: &Nominal, j: usize) -> Vec<f64> {
-    let mut torque = of_values(run, nominal, j, 10 * run.silent.len()..nominal.x.len());
+    let mut torque = of_values(run, nominal, j, nominal.model.places().bodies().end..nominal.x.len());
     if let Some(known) = run.known_rows.get(j) {
         torque.iter_mut().zip(known).for_each(|(t, k)| *t += k);
     }

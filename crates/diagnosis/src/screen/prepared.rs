@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use rivet_dynamics::{Parameter, Workspace, friction_sign, mass_matrix};
+use rivet_dynamics::{Parameter, Places, Workspace, friction_sign, mass_matrix};
 
 use crate::effects::Form;
 use crate::effects::current_loop_lag::Lag;
@@ -124,7 +124,7 @@ impl Prepared {
         let n = self.tau.len();
         // A body is columns that the model has already.
         if form.get::<Payload>().is_some() {
-            return self.standard[10 * (n - 1)..10 * n].to_vec();
+            return self.standard[Places::link(n - 1)].to_vec();
         }
         form.get()
             .map_or_else(|| self.made(form, physics), |LinkScale { link }| vec![self.body(*link, &physics.nominal.x)])
@@ -144,7 +144,7 @@ impl Prepared {
                 let rows = self.chain.apply(&full);
                 (0..n).map(|j| on.contains(&j).then(|| rows.clone())).collect()
             };
-            columns.extend((0..n).map(|j| joints(&[j], nominal.near[12 * n + j].abs())));
+            columns.extend((0..n).map(|j| joints(&[j], nominal.near[Places::new(n).coulomb(j)].abs())));
             columns.extend(coupled_motor(nominal).map(|(on, level)| joints(&on, level)));
         }
         columns
@@ -155,7 +155,7 @@ impl Prepared {
         (0..self.tau.len())
             .map(|j| {
                 let mut sum: Option<Vec<f64>> = None;
-                for (column, x) in self.standard.iter().zip(x).skip(10 * link).take(10) {
+                for (column, x) in self.standard[Places::link(link)].iter().zip(&x[Places::link(link)]) {
                     let Some(values) = &column[j] else { continue };
                     let sum = sum.get_or_insert_with(|| vec![0.0; values.len()]);
                     sum.iter_mut().zip(values).for_each(|(s, v)| *s += x * v);
@@ -185,7 +185,7 @@ impl Surface {
     fn all(nominal: &Nominal, motion: &Motion, blur: &[f64], inertias: &[f64]) -> Vec<Surface> {
         let n = motion.joints();
         let joint = |j: usize| {
-            let level = nominal.near[12 * n + j].abs();
+            let level = nominal.near[Places::new(n).coulomb(j)].abs();
             Surface { joints: vec![j], level, inertia: inertias[j], blur: blur[j] }
         };
         let mut all: Vec<Surface> = (0..n).map(joint).collect();
@@ -283,7 +283,7 @@ fn inertia(nominal: &Nominal, motion: &Motion, joint: usize) -> f64 {
             m[joint * n + joint]
         })
         .sum();
-    nominal.near[10 * n + joint] + sum / picked.len().max(1) as f64
+    nominal.near[Places::new(n).rotor_inertia(joint)] + sum / picked.len().max(1) as f64
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@
 //! each joint's rotor, friction and offset are whatever explains most. What is left then is in units of what is known of a torque.
 
 use nalgebra::{DMatrix, DVector};
-use rivet_dynamics::{Arm, Workspace, inverse_dynamics};
+use rivet_dynamics::{Arm, Places, Workspace, inverse_dynamics};
 
 use crate::effects::physics::bodies;
 use crate::model::nominal::Nominal;
@@ -102,8 +102,10 @@ impl<'a> FreeDrives<'a> {
         let joint = |joint: usize| {
             let weights: Vec<Vec<f64>> = runs.iter().map(|run| weights(run, joint)).collect();
             let weighed_column = |c: usize| weighed(&runs, &weights, |run| run.standard[c][joint].as_deref());
-            let columns: Vec<DVector<f64>> =
-                (10 * n..nominal.model.len()).map(weighed_column).filter(|c| c.norm() > 0.0).collect();
+            let columns: Vec<DVector<f64>> = (Places::new(n).bodies().end..nominal.model.len())
+                .map(weighed_column)
+                .filter(|c| c.norm() > 0.0)
+                .collect();
             let columns: Vec<DVector<f64>> = columns.into_iter().map(|c| c.normalize()).collect();
             let rows = weights.iter().map(Vec::len).sum();
             let mut drive = DMatrix::zeros(rows, 0);
@@ -146,8 +148,7 @@ impl<'a> FreeDrives<'a> {
         let body_column = |c: usize| {
             joined(&self.without_drives(&self.runs.iter().map(|run| run.standard[c].clone()).collect::<Vec<_>>()))
         };
-        let columns: Vec<DVector<f64>> =
-            (10 * link..10 * (link + 1)).map(body_column).filter(|c| c.norm() > 0.0).collect();
+        let columns: Vec<DVector<f64>> = Places::link(link).map(body_column).filter(|c| c.norm() > 0.0).collect();
         let columns: Vec<DVector<f64>> = columns.into_iter().map(|c| c.normalize()).collect();
         let taken =
             if columns.is_empty() { None } else { range(&DMatrix::from_columns(&columns), MOTION_DIRECTION_ROUNDING) };

@@ -6,6 +6,7 @@ use crate::model::run::{Motion, Run};
 use crate::model::standstill::{is_moved, is_still};
 use crate::policy::POLICY;
 use crate::screen::signal_faults;
+use rivet_dynamics::Places;
 
 const AS_DUE: std::ops::Range<f64> = 0.2..5.0;
 
@@ -38,7 +39,9 @@ pub(crate) fn detect(tau: &[f64], noise: f64, motion: &Motion, chain: &Chain, x:
     let rows = moving.len() as f64;
     let mean = |f: &dyn Fn(usize) -> f64| moving.iter().map(|k| f(*k)).sum::<f64>() / rows;
     let drive = |k: usize| {
-        x[12 * n + j].abs() * speed[k].signum() + x[11 * n + j].abs() * speed[k] + x[10 * n + j].abs() * accel[k]
+        x[Places::new(n).coulomb(j)].abs() * speed[k].signum()
+            + x[Places::new(n).viscous(j)].abs() * speed[k]
+            + x[Places::new(n).rotor_inertia(j)].abs() * accel[k]
     };
     let [carries, due] = [mean(&|k| tau[k].powi(2)), mean(&|k| drive(k).powi(2))].map(f64::sqrt);
     let (level, turn) = (mean(&|k| tau[k]), mean(&|k| speed[k].signum()));

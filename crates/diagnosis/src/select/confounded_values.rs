@@ -12,6 +12,7 @@ use crate::effects::Form;
 use crate::effects::physics::Physics;
 use crate::fit::evidence::{CandidateSums, Solved};
 use crate::fit::search::{Candidate, Search};
+use crate::model::listener::Listener;
 use crate::numerics::parallel;
 use crate::policy::POLICY;
 use crate::select::adopted::{Adopted, Rival, is_full};
@@ -44,7 +45,7 @@ pub(crate) fn replace(
     search: &mut Search<'_>,
     wrong: &Wrong,
     selected: &Selected<'_>,
-    say: &mut dyn FnMut(&str),
+    listener: &mut dyn Listener,
 ) -> Option<Found> {
     // Where more than noise is left, as on measured arms, what sets two explanations apart may be what neither explains.
     if is_full(&selected.adopted) || Residue::from_search(search).any_noisy() {
@@ -55,7 +56,7 @@ pub(crate) fn replace(
     let name = |group: &Group| format!("{} {}", group.effect, group.joint + 1);
     for i in &found {
         let values: Vec<String> = i.replaces.iter().map(|at| name(&wrong.groups[*at])).collect();
-        say(&format!(
+        listener.line(&format!(
             "  {:?} {:.4?} instead of {}: {:.1} ahead, gain {:.0}, cosine {:.3}",
             i.candidate.form,
             i.c,

@@ -12,6 +12,7 @@ use crate::effects::Effect;
 use crate::effects::physics::Physics;
 use crate::fit::initial_friction;
 use crate::fit::search::{Candidate, Search};
+use crate::model::listener::{Listener, Silent};
 use crate::model::nominal::{Nominal, Typical};
 use crate::model::run::Run;
 use crate::screen::input::{DiagnosisError, check};
@@ -51,7 +52,7 @@ pub fn probe<T>(
     model: &Model,
     nominal: &[f64],
     runs: Vec<Run>,
-    say: &mut dyn FnMut(&str),
+    listener: &mut dyn Listener,
     ask: impl FnOnce(&mut Probe<'_>) -> T,
 ) -> Result<T, DiagnosisError> {
     let joints = model.arm.dof();
@@ -63,24 +64,24 @@ pub fn probe<T>(
     }
     let mut nominal = Nominal::new(model, nominal, &Typical::from_runs(&runs, joints));
     let mut runs: Vec<Prepared> = runs.into_iter().map(|run| Prepared::new(run, &nominal)).collect();
-    torque_timing::alignment::align(&mut runs.iter_mut().collect::<Vec<_>>(), &nominal, say);
+    torque_timing::alignment::align(&mut runs.iter_mut().collect::<Vec<_>>(), &nominal, listener);
     let looked_at = runs.len();
     let known = initial_friction::know(&mut nominal, looked_at, &mut runs.iter_mut().collect::<Vec<_>>());
     known.ok_or(DiagnosisError::Singular)?;
-    let mut probe = Probe::new(&runs, &nominal, say).ok_or(DiagnosisError::Singular)?;
+    let mut probe = Probe::new(&runs, &nominal, listener).ok_or(DiagnosisError::Singular)?;
     Ok(ask(&mut probe))
 }
 
 impl<'a> Probe<'a> {
-    fn new(runs: &'a [Prepared], nominal: &'a Nominal, say: &mut dyn FnMut(&str)) -> Option<Probe<'a>> {
+    fn new(runs: &'a [Prepared], nominal: &'a Nominal, listener: &mut dyn Listener) -> Option<Probe<'a>> {
         let mut search = Search::new(runs.iter().collect(), nominal)?;
         search.keeps_columns = true;
         let mut selected = Selected::new(&search)?;
-        selected.select(&mut search, say)?;
+        selected.select(&mut search, listener)?;
         let Selected { adopted, physics, mut candidates } = selected;
         if candidates.is_empty() {
-            candidates =
-                search.candidates(&physics, &angle_orders::find(&physics), &contact_bursts::find(&search)?, None);
+            let (orders, bursts) = (angle_orders::find(&physics), contact_bursts::find(&search)?);
+            candidates = search.candidates(&physics, &orders, &bursts, None, listener);
         }
         let scale = search.scale;
         Some(Probe { search, physics, candidates, adopted, scale })
@@ -164,7 +165,7 @@ impl<'a> Probe<'a> {
             flips: None,
             refined: false,
         };
-        let found = round.best(&mut |_| ());
+        let found = round.best(&mut Silent);
         self.candidates.truncate(kept);
         let (_, adopted) = found??;
         // As the report decides: what is left where the effect is said to act must be explained.

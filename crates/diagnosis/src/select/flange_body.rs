@@ -13,6 +13,7 @@ use crate::effects::payload::Payload;
 use crate::effects::physical_bounds::{self, Impossible};
 use crate::fit::evidence::{Belief, FOLDS, Solved};
 use crate::fit::search::{Candidate, Search};
+use crate::model::listener::Listener;
 use crate::policy::POLICY;
 use crate::select::adopted::Adopted;
 use crate::select::forward::{Found, Selected};
@@ -24,7 +25,7 @@ pub(crate) fn at_flange(
     search: &mut Search<'_>,
     selected: &Selected<'_>,
     impossible: &mut Option<Impossible>,
-    say: &mut dyn FnMut(&str),
+    listener: &mut dyn Listener,
 ) -> Option<Found> {
     // Down at the noise evidence says all there is to say.
     if !Residue::from_search(search).any_noisy() {
@@ -49,7 +50,7 @@ pub(crate) fn at_flange(
     let share = taken(&body) / taken(&links).max(f64::MIN_POSITIVE);
     let falls: Vec<f64> = (0..joints).map(|j| 1.0 - body[j] / before[j].max(f64::MIN_POSITIVE)).collect();
     let gain = added.log_evidence - with_links_held.log_evidence;
-    say(&format!(
+    listener.line(&format!(
         "a body at the flange {:.3?} takes {share:.2} of what all links take; by joint {falls:.2?}",
         added.c.as_slice()
     ));

@@ -7,6 +7,7 @@ use crate::effects::physics::Physics;
 use crate::effects::{Effect, Kind};
 use crate::fit::evidence::{FOLDS, PRIOR_SCALES};
 use crate::fit::search::{Candidate, Search, Standing};
+use crate::model::listener::Listener;
 use crate::policy::POLICY;
 use crate::select::adopted::{Adopted, Rival, is_full, is_part};
 use crate::select::angle_law;
@@ -41,17 +42,19 @@ impl<'a> Selected<'a> {
     }
 
     /// Adopts effects one after another until none is worth it; none where equations have no solution: then it ends with those
-    /// before. `say` is told what happens.
-    pub(crate) fn select(&mut self, search: &mut Search<'a>, say: &mut dyn FnMut(&str)) -> Option<()> {
+    /// before. The listener gets every decision.
+    pub(crate) fn select(&mut self, search: &mut Search<'a>, listener: &mut dyn Listener) -> Option<()> {
         while !is_full(&self.adopted) {
+            listener.line(&format!("round {}", self.adopted.len() + 1));
             let orders = angle_orders::find(&self.physics);
             self.candidates.clear();
             let flips = Flips::new(search)?;
             self.candidates = {
                 let scoring = |candidate: &Candidate| flips.scores(search, candidate, &candidate.columns);
-                search.candidates(&self.physics, &orders, &contact_bursts::find(search)?, Some(&scoring))
+                let bursts = contact_bursts::find(search)?;
+                search.candidates(&self.physics, &orders, &bursts, Some(&scoring), listener)
             };
-            say(&format!("round {}: {} candidates", self.adopted.len() + 1, self.candidates.len()));
+            listener.line(&format!("{} candidates", self.candidates.len()));
             let round = Round {
                 search,
                 candidates: &self.candidates,
@@ -60,12 +63,12 @@ impl<'a> Selected<'a> {
                 flips: Some(&flips),
                 refined: true,
             };
-            let found = round.best(say)?;
+            let found = round.best(listener)?;
             let Some((candidate, adoption)) = found else {
                 return angle_law::mark(search, &self.candidates, &mut self.adopted);
             };
-            self.adopt(search, &candidate, adoption, say)?;
-            self.settle(search, &candidate, say)?;
+            self.adopt(search, &candidate, adoption, listener)?;
+            self.settle(search, &candidate, listener)?;
         }
         self.candidates.clear();
         Some(())
@@ -77,16 +80,16 @@ impl<'a> Selected<'a> {
         search: &mut Search<'a>,
         candidate: &Candidate,
         mut adoption: Adopted,
-        say: &mut dyn FnMut(&str),
+        listener: &mut dyn Listener,
     ) -> Option<()> {
         let Some(mut physics) = search.extend(candidate, &adoption.mean) else {
-            say(&format!("no solution with {:?}", adoption.form));
+            listener.line(&format!("no solution with {:?}", adoption.form));
             return None;
         };
         if adoption.form.shifts_time() {
             physics = search.made_again(candidate, &mut adoption, physics)?;
         }
-        say(&format!(
+        listener.line(&format!(
             "adopted {:?} (log evidence +{:.0}, held-out share {:.2})",
             adoption.form, adoption.gain, adoption.share
         ));
@@ -137,19 +140,19 @@ struct Listed {
 
 impl Round<'_> {
     /// The candidate to adopt next, if any is worth it. None where equations have no solution.
-    pub(crate) fn best(&self, say: &mut dyn FnMut(&str)) -> Option<Found> {
+    pub(crate) fn best(&self, listener: &mut dyn Listener) -> Option<Found> {
         let clock = Clock::default();
-        let Listed { candidates: listed, doubtful } = self.listed(&clock, say)?;
-        let accepted = self.accepted(listed, say)?;
+        let Listed { candidates: listed, doubtful } = self.listed(&clock, listener)?;
+        let accepted = self.accepted(listed, listener)?;
         if accepted.is_empty() {
             return Some(None);
         }
-        let (near, simplest) = self.simplest(&accepted, say)?;
+        let (near, simplest) = self.simplest(&accepted, listener)?;
         self.adoption(accepted, &near, simplest, &doubtful, &clock).map(Some)
     }
 
     /// The best of each effect on each joint, refined, in the order of their evidence.
-    fn listed(&self, clock: &Clock, say: &mut dyn FnMut(&str)) -> Option<Listed> {
+    fn listed(&self, clock: &Clock, listener: &mut dyn Listener) -> Option<Listed> {
         let Round { search, candidates, physics, adopted, refined, .. } = *self;
         let standings = search.rank(candidates)?;
         let residue = Residue::from_search(search);
@@ -198,7 +201,7 @@ impl Round<'_> {
                 search.refine(form, physics)?
             };
             let kind = if refined {
-                hysteresis::kind(search, physics, (&candidate, &standing), say)?
+                hysteresis::kind(search, physics, (&candidate, &standing), listener)?
             } else {
                 hysteresis::Kind::AsNamed
             };
@@ -236,7 +239,7 @@ impl Round<'_> {
     }
 
     /// Those of the listed that are worth a name.
-    fn accepted(&self, listed: Vec<(Candidate, Standing)>, say: &mut dyn FnMut(&str)) -> Option<Vec<Accepted>> {
+    fn accepted(&self, listed: Vec<(Candidate, Standing)>, listener: &mut dyn Listener) -> Option<Vec<Accepted>> {
         let Round { search, candidates, physics, adopted, flips, .. } = *self;
         let p_values =
             flips.map_or_else(|| vec![None; listed.len()], |flips| flips.p_values(search, &listed, candidates));
@@ -248,7 +251,7 @@ impl Round<'_> {
         for ((candidate, standing), p_value) in listed.into_iter().zip(p_values) {
             let shares = held_out_shares(search, &candidate)?;
             let share = shares.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            say(&format!(
+            listener.line(&format!(
                 "  {:7.1} {:?} c {:.4?} held-out {shares:.2?} p {}",
                 standing.gain,
                 candidate.form,
@@ -295,7 +298,7 @@ impl Round<'_> {
     }
 
     /// Places of those that explain about as much as the best, and of the simplest of them.
-    fn simplest(&self, accepted: &[Accepted], say: &mut dyn FnMut(&str)) -> Option<(Vec<usize>, usize)> {
+    fn simplest(&self, accepted: &[Accepted], listener: &mut dyn Listener) -> Option<(Vec<usize>, usize)> {
         // Of those that explain it about as well, the simplest.
         let top = accepted[0].standing.gain;
         let near: Vec<usize> = (0..accepted.len())
@@ -305,7 +308,7 @@ impl Round<'_> {
             })
             .collect();
         let contestants: Vec<&Candidate> = near.iter().map(|i| &accepted[*i].candidate).collect();
-        let holds = contest(self.search, &contestants, say)?;
+        let holds = contest(self.search, &contestants, listener)?;
         let (near, gains): (Vec<usize>, Vec<f64>) =
             near.into_iter().zip(holds).filter_map(|(i, gain)| Some((i, gain?))).unzip();
         // A law of the angle that is no better than a constant is one.
@@ -414,7 +417,7 @@ fn hides_beside(form: &Form, residue: &Residue<'_>) -> bool {
 ///
 /// What a wrong form leaves is small beside a gap but large beside noise. That says something only where the best leaves
 /// nothing else, and of forms that are exact: what a simulated gear or bristle misses is not another effect.
-fn contest(search: &Search<'_>, forms: &[&Candidate], say: &mut dyn FnMut(&str)) -> Option<Vec<Option<f64>>> {
+fn contest(search: &Search<'_>, forms: &[&Candidate], listener: &mut dyn Listener) -> Option<Vec<Option<f64>>> {
     let exact: Vec<usize> = (0..forms.len()).filter(|i| !forms[*i].form.is_simulated()).collect();
     let mut holds = vec![Some(0.0); forms.len()];
     if exact.len() < 2 {
@@ -456,7 +459,7 @@ fn contest(search: &Search<'_>, forms: &[&Candidate], say: &mut dyn FnMut(&str))
         let behind = best.gain - standing.gain;
         if behind > POLICY.adoption.rival_gap {
             holds[standing.at] = None;
-            say(&format!("  {:?} leaves more than noise: {behind:.0} behind", forms[standing.at].form));
+            listener.line(&format!("  {:?} leaves more than noise: {behind:.0} behind", forms[standing.at].form));
         }
     }
     Some(holds)

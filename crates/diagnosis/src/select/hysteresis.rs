@@ -13,6 +13,7 @@
 use crate::effects::physics::Physics;
 use crate::effects::presliding_friction::{Hysteresis, Presliding};
 use crate::fit::search::{Candidate, Search, Standing};
+use crate::model::listener::Listener;
 use crate::policy::POLICY;
 
 /// What a form with such a state is by its share of the joint's friction.
@@ -32,7 +33,7 @@ pub(crate) fn kind(
     search: &Search<'_>,
     physics: &[Physics<'_>],
     (candidate, standing): (&Candidate, &Standing),
-    say: &mut dyn FnMut(&str),
+    listener: &mut dyn Listener,
 ) -> Option<Kind> {
     if let Some(&Hysteresis { joint, length }) = candidate.form.get() {
         let share = share(search, physics, joint, standing)?;
@@ -45,7 +46,7 @@ pub(crate) fn kind(
         return Some(Kind::AsNamed);
     };
     let share = share(search, physics, joint, &its)?;
-    say(&format!("  {:?} is {share:.3} of the joint's friction", free.form));
+    listener.line(&format!("  {:?} is {share:.3} of the joint's friction", free.form));
     let Some(&Hysteresis { length, .. }) = free.form.get() else { return Some(Kind::AsNamed) };
     if share < POLICY.adoption.min_own_friction_share {
         return Some(if is_own(share, length) { Kind::Own } else { Kind::Beside(Box::new((free, its))) });

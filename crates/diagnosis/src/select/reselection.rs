@@ -8,6 +8,7 @@
 use crate::effects::Form;
 use crate::effects::Kind;
 use crate::fit::search::{Candidate, Search};
+use crate::model::listener::Listener;
 use crate::policy::POLICY;
 use crate::select::adopted::Adopted;
 use crate::select::forward::Selected;
@@ -22,7 +23,7 @@ impl<'a> Selected<'a> {
         &mut self,
         search: &mut Search<'a>,
         candidate: &Candidate,
-        say: &mut dyn FnMut(&str),
+        listener: &mut dyn Listener,
     ) -> Option<()> {
         let Some(last) = self.adopted.last() else { return Some(()) };
         let exact = |form: &Form| {
@@ -38,7 +39,7 @@ impl<'a> Selected<'a> {
         }
         for rival in rivals {
             // What took its place is held against no other: these are the rivals of the first.
-            if self.hold_against(search, candidate, &rival, say)? {
+            if self.hold_against(search, candidate, &rival, listener)? {
                 break;
             }
         }
@@ -51,7 +52,7 @@ impl<'a> Selected<'a> {
         search: &mut Search<'a>,
         candidate: &Candidate,
         rival: &Form,
-        say: &mut dyn FnMut(&str),
+        listener: &mut dyn Listener,
     ) -> Option<bool> {
         let adopted = self.adopted.last()?.clone();
         let noise = |search: &Search<'_>| adopted.form.joints().iter().map(|j| search.noise[*j].powi(2)).sum::<f64>();
@@ -79,7 +80,10 @@ impl<'a> Selected<'a> {
                 }
                 self.adopted.pop();
                 if down && -ahead > POLICY.adoption.rival_gap {
-                    say(&format!("  {:?} takes the place of {:?}: {:.0} ahead", adoption.form, adopted.form, -ahead));
+                    listener.line(&format!(
+                        "  {:?} takes the place of {:?}: {:.0} ahead",
+                        adoption.form, adopted.form, -ahead
+                    ));
                     let rivals = adopted.rivals.into_iter().filter(|r| r.form != *rival).collect();
                     let (shares, share, p_value) = (adopted.shares, adopted.share, adopted.p_value);
                     self.adopted.push(Adopted { shares, share, p_value, rivals, ..adoption });
@@ -95,7 +99,7 @@ impl<'a> Selected<'a> {
             return None;
         }
         if down && ahead > POLICY.adoption.rival_gap {
-            say(&format!("  {rival:?} leaves more than noise: {ahead:.0} behind"));
+            listener.line(&format!("  {rival:?} leaves more than noise: {ahead:.0} behind"));
             self.adopted.last_mut()?.rivals.retain(|r| r.form != *rival);
         }
         Some(false)

@@ -38,6 +38,7 @@ mod tests {
     use crate::effects::physical_bounds::{of_payload, text};
     use crate::effects::stribeck_friction::Stribeck;
     use crate::effects::{link_inertia, rotor_inertia};
+    use rivet_dynamics::Places;
 
     #[test]
     fn what_no_arm_has_is_told_from_next_to_nothing() {
@@ -48,16 +49,16 @@ mod tests {
         let mut x = model.arm.links.concat();
         x.extend(vec![2.0; model.len() - x.len()]);
         let nominal = Nominal::exact(&model, &x);
-        let rotor = Group { effect: rotor_inertia::EFFECT, joint: 1, columns: vec![10 * n + 1] };
+        let rotor = Group { effect: rotor_inertia::EFFECT, joint: 1, columns: vec![Places::new(n).rotor_inertia(1)] };
         let link = Group { effect: link_inertia::EFFECT, joint: 2, columns: (20..30).collect() };
         let with = |group: &Group, at: usize, value: f64| {
             let mut standard = x.clone();
             standard[at] = value;
             of_group(group, &nominal, &standard, &[])
         };
-        assert_eq!(with(&rotor, 10 * n + 1, 0.1), None);
-        assert_eq!(with(&rotor, 10 * n + 1, -0.1), None, "a twentieth of what is given");
-        let found = with(&rotor, 10 * n + 1, -0.5).expect("no rotor has that");
+        assert_eq!(with(&rotor, Places::new(n).rotor_inertia(1), 0.1), None);
+        assert_eq!(with(&rotor, Places::new(n).rotor_inertia(1), -0.1), None, "a twentieth of what is given");
+        let found = with(&rotor, Places::new(n).rotor_inertia(1), -0.5).expect("no rotor has that");
         assert_eq!(
             text(&[found]),
             "j2.rotor_inertia -0.500 kg m^2 is outside of physical bounds: it is the effect of something else"

@@ -1,6 +1,7 @@
 //! What the corrected simulator does in closed loop.
 
 use super::html::{Table, escape};
+use crate::actions::distance;
 use crate::document::Document;
 use crate::words::{figure, percent};
 
@@ -24,11 +25,10 @@ pub(super) fn rollout(document: &Document) -> String {
     ];
     let mut table = Table::new("Error by time since the start, root mean square over starts and joints", &head);
     for p in &rollout.points {
-        let mrad = |rad: f64| figure(1e3 * rad, 3);
         table.row(&[
             figure(p.horizon_s, 2),
-            mrad(p.position_before_rad),
-            mrad(p.position_after_rad),
+            distance(p.position_before_rad),
+            distance(p.position_after_rad),
             percent(Some(p.torque_before)),
             percent(Some(p.torque_after)),
         ]);

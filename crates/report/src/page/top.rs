@@ -3,11 +3,11 @@
 use super::causes::{key, stretch, worst};
 use super::html::{escape, figure as framed};
 use super::plot::{Axis, Plot};
+use crate::actions::distance;
 use crate::document::Document;
 use crate::rollout::Rollout;
 use crate::scores::Score;
 use crate::verdict::Line;
-use crate::words::figure;
 
 /// Lines of what to do that stand before the pictures: with more, those are below the first screen (1280 x 800).
 const MOST_BEFORE_PICTURES: usize = 3;
@@ -64,8 +64,8 @@ fn errors(rollout: &Rollout) -> String {
             "Simulator in closed loop, {} starts: after {} s off by {} mrad, with causes {} mrad",
             rollout.starts,
             end.horizon_s,
-            figure(mrad(end.position_before_rad), 3),
-            figure(mrad(end.position_after_rad), 3)
+            distance(end.position_before_rad),
+            distance(end.position_after_rad)
         )
     });
     framed(&plot.svg("time since the start [s]", "position error [mrad]", &said), &(said.clone() + "."))

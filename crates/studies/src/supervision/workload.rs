@@ -4,7 +4,7 @@
 //! torque is the model's with noise. What is measured passes the same differentiation and filter as in the daemon's loop.
 
 use rivet_config::Robot;
-use rivet_dynamics::Workspace;
+use rivet_dynamics::{Places, Workspace};
 use rivet_estimation::filter::{Bank, Butterworth, correlation_factor, neighbour_correlation};
 use rivet_estimation::{Correlation, Scales};
 
@@ -240,11 +240,11 @@ impl Workload {
     fn truth(robot: &Robot, phase: Phase, share: f64, out: &mut Vec<f64>) {
         let dof = robot.dof();
         let mut x = robot.nominal.clone();
-        let links = 10 * dof;
+        let places = robot.model.places();
         for (joint, fall) in [(0, 0.35), (3, 0.3)] {
             if joint < dof {
-                x[links + dof + joint] *= 1.0 - fall * share;
-                x[links + 2 * dof + joint] *= 1.0 - fall * share;
+                x[places.viscous(joint)] *= 1.0 - fall * share;
+                x[places.coulomb(joint)] *= 1.0 - fall * share;
             }
         }
         if phase == Phase::Loaded {
@@ -256,7 +256,7 @@ impl Workload {
                 (6, inertia + mass * distance.powi(2)),
                 (9, inertia),
             ] {
-                x[links - 10 + entry] += value;
+                x[Places::link(dof - 1).start + entry] += value;
             }
         }
         *out = robot.base.from_standard(&x);

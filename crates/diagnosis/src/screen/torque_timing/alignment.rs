@@ -1,6 +1,7 @@
 //! Torque later than the motion: shifted back, or its channel marked untrusted.
 
 use super::{JointTiming, Timing};
+use crate::model::listener::Listener;
 use crate::model::log_fault::{LogFault, LogFinding};
 use crate::model::nominal::Nominal;
 use crate::policy::POLICY;
@@ -17,12 +18,13 @@ enum Remedy {
 }
 
 /// Moves torque that surely comes after the motion, and says so; torque that a slow filter went over is not believed.
-pub(crate) fn align(runs: &mut [&mut Prepared], nominal: &Nominal, say: &mut dyn FnMut(&str)) -> Vec<LogFinding> {
+pub(crate) fn align(runs: &mut [&mut Prepared], nominal: &Nominal, listener: &mut dyn Listener) -> Vec<LogFinding> {
     let timings: Vec<Option<Timing>> = runs.iter().map(|run| Timing::from_run(run)).collect();
     for (run, timing) in runs.iter().zip(&timings) {
         let Some(timing) = timing else { continue };
         let [late, sigma] = [timing.late, timing.sigma].map(|s| 1e3 * s);
-        say(&format!("{}: torque {late:.2} ms after position, standard deviation {sigma:.2} ms", run.run.name));
+        listener
+            .line(&format!("{}: torque {late:.2} ms after position, standard deviation {sigma:.2} ms", run.run.name));
     }
     let remedies = remedies(runs, &timings, nominal.model.arm.dof());
     let mut found = Vec::new();
