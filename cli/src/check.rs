@@ -15,19 +15,22 @@ pub(crate) struct Args {
     /// Robot file.
     #[arg(value_name = "ROBOT.toml")]
     robot: PathBuf,
+    /// Print every key with its unit and line, and the base parameters
+    #[arg(long)]
+    all: bool,
     /// Print as JSON (docs/operating.md).
     #[arg(long)]
     json: bool,
 }
 
-/// Prints the resolved configuration with doubts, or every mistake.
+/// Prints the robot with doubts, or every mistake.
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let robot = rivet_config::load(&args.robot)?;
     if args.json {
         show_json(&to_json(&robot))?;
         return Ok(ExitCode::SUCCESS);
     }
-    show(&robot.describe())?;
+    show(&if args.all { robot.describe() } else { robot.summary() })?;
     show(&verdict(&robot))?;
     Ok(ExitCode::SUCCESS)
 }

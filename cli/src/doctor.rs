@@ -2,7 +2,7 @@
 
 mod bus;
 
-use crate::table::{show, show_json};
+use crate::table::{paragraph, show, show_json};
 use anyhow::Result;
 use rivet_config::Robot;
 use rivet_realtime::{Finding, Latencies, Machine, RealTimeSettings, Scheduling, Severity};
@@ -161,9 +161,9 @@ fn judge(latencies: &Latencies, period_s: f64, real_time: bool) -> Finding {
 fn as_text(findings: &[Finding], worst: Severity) -> String {
     let mut text = String::new();
     for finding in findings {
-        let _ = writeln!(text, "{:<8} {:<20} {}", finding.severity, finding.check, finding.found);
+        text += &paragraph(&format!("{:<8} {:<20} ", finding.severity, finding.check), &finding.found);
         if let Some(change) = &finding.change {
-            let _ = writeln!(text, "{:29} -> {change}", "");
+            text += &paragraph(&format!("{:29} -> ", ""), change);
         }
     }
     let count = |severity| findings.iter().filter(|finding| finding.severity == severity).count();

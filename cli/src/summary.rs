@@ -2,7 +2,7 @@
 
 use crate::as_found::{AsFound, as_found};
 use crate::stream::Recording;
-use crate::table::paragraph;
+use crate::table::{Table, paragraph};
 use rivet_analysis::coarse::{ROUNDED_ON_LINE, coarse_torque, that_matter};
 use rivet_analysis::doubts::{missing_more, unexplained};
 use rivet_analysis::evidence::{Compared, Distrust, Largest, OF_DELAYED, UNFOLLOWED, bias_json, bias_text};
@@ -362,60 +362,44 @@ impl fmt::Display for Summary<'_> {
             write!(f, "{}", paragraph("warning: ", &doubt))?;
         }
         let count = |state: &str| (0..p.len()).filter(|&i| self.state(i) == state).count();
-        writeln!(
-            f,
-            "base parameters: {}, of them {} active, {} held, {} open (not identified one by one)\n",
+        let counts = format!(
+            "{}, of them {} active, {} held, {} open (not identified one by one)",
             p.len(),
             count("active"),
             count("held"),
             count("open")
-        )?;
-        writeln!(
-            f,
-            "{:<24} {:>12} {:>12} {:>12} {:>12} {:>8}",
-            "parameter", "value", "std", "least sq.", "nominal", "state"
-        )?;
+        );
+        writeln!(f, "{}", paragraph("base parameters: ", &counts))?;
+        let mut table = Table::new(["parameter", "value", "std", "least sq.", "nominal", "state", "unit"]);
         for i in 0..p.len() {
             let parameter = model.parameters[base.independent[i]];
             if parameter.group() == ParameterGroup::Inertial {
                 continue;
             }
-            writeln!(
-                f,
-                "{:<24} {:>12.5} {:>12.5} {:>12.5} {:>12.5} {:>8}  {}",
-                base.name(model, i),
-                p.values[i],
-                p.std[i],
-                p.reference[i],
-                self.robot.nominal_base[i],
-                self.state(i),
-                parameter.unit(&model.arm)
-            )?;
+            let numbers = [p.values[i], p.std[i], p.reference[i], self.robot.nominal_base[i]];
+            let words = [self.state(i).to_owned(), parameter.unit(&model.arm).to_owned()];
+            let name = [base.name(model, i)];
+            table.row(name.into_iter().chain(numbers.map(|x| format!("{x:.5}"))).chain(words));
         }
+        write!(f, "{}", table.text())?;
         let inertial =
             (0..p.len()).filter(|&i| model.parameters[base.independent[i]].group() == ParameterGroup::Inertial);
         writeln!(f, "and {} inertial base parameters (--json and --stream have all)\n", inertial.count())?;
-        writeln!(
-            f,
-            "{:<24} {:>14} {:>14} {:>14} {:>9} {:>13}",
-            "joint", "residual [N m]", "nominal [N m]", "torque [N m]", "left [%]", "as found [%]"
-        )?;
+        let heads = ["joint", "residual [N m]", "nominal [N m]", "torque [N m]", "left [%]", "as found [%]"];
+        let mut table = Table::new(heads);
         let percent = |x: Option<f64>| x.map_or_else(|| "-".to_owned(), |x| format!("{x:.1}"));
         for (j, joint) in model.arm.joints.iter().enumerate() {
             let (residual, nominal) = (p.residual_rms[j], self.health.nominal_residual_rms[j]);
-            writeln!(
-                f,
-                "{:<24} {residual:>14.3} {nominal:>14.3} {:>14.3} {:>9} {:>13}",
-                joint.name,
-                self.health.torque_rms[j],
-                percent(self.residual_percent(j)),
-                percent(
-                    self.as_found.as_ref().filter(|_| self.residual_percent(j).is_some()).map(|last| last.found[j])
-                )
-            )?;
+            let numbers = [residual, nominal, self.health.torque_rms[j]].map(|x| format!("{x:.3}"));
+            let found = self.as_found.as_ref().filter(|_| self.residual_percent(j).is_some()).map(|last| last.found[j]);
+            let name = [joint.name.clone()];
+            table.row(name.into_iter().chain(numbers).chain([percent(self.residual_percent(j)), percent(found)]));
         }
-        writeln!(f, "residual and left: model-filtered torque not explained one step ahead, rms over the window;")?;
-        writeln!(f, "as found: what the values above leave of the last window, rows near standstill included\n")?;
+        write!(f, "{}", table.text())?;
+        let meaning = "model-filtered torque not explained one step ahead, rms over the window";
+        write!(f, "{}", paragraph("residual and left: ", meaning))?;
+        let meaning = "what the values above leave of the last window, rows near standstill included";
+        writeln!(f, "{}", paragraph("as found: ", meaning))?;
         match self.bias() {
             Some(bias) => write!(f, "{}", bias_text(&bias, &self.compared()).trim_end()),
             None if self.robot.config.estimator.kind.least_squares() => {

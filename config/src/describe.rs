@@ -1,4 +1,4 @@
-//! The resolved configuration as text, at most 100 columns wide: what `rivet check` prints.
+//! The resolved configuration as text, at most 80 columns wide: what `rivet check` prints.
 
 use std::fmt::Write as _;
 
@@ -7,15 +7,33 @@ use crate::load::Robot;
 use crate::number_text::short;
 use crate::reader::{Origin, Resolved, value_text};
 
-const WIDTH: usize = 100;
-/// Where the unit and the origin of a value begin.
-const UNIT_COLUMN: usize = 78;
+const WIDTH: usize = 80;
+/// Where the value, the unit and the origin of a key begin.
 const VALUE_COLUMN: usize = 24;
+const UNIT_COLUMN: usize = 54;
+const ORIGIN_COLUMN: usize = 69;
 
 impl Robot {
-    /// Everything the file says and everything that follows from it: every value with its unit and its origin, the
-    /// joints, the base parameters. Lines have at most 100 characters.
+    /// Everything the file says and everything that follows from it: [`summary`](Self::summary), every value with its unit and its
+    /// origin, the base parameters. Lines have at most 80 characters.
     pub fn describe(&self) -> String {
+        let mut out = self.summary();
+        for (section, _) in SECTIONS.iter().filter(|(s, _)| *s != "identified") {
+            let mut values = self.config.resolved.iter().filter(|r| r.key.section == *section).peekable();
+            if values.peek().is_some() {
+                push(&mut out, "");
+                push(&mut out, &if section.is_empty() { "(top)".into() } else { format!("[{section}]") });
+            }
+            for value in values {
+                value_lines(&mut out, value);
+            }
+        }
+        self.base_table(&mut out);
+        out
+    }
+
+    /// Files, sizes of the model, and the joints with their limits. Lines have at most 80 characters.
+    pub fn summary(&self) -> String {
         let mut out = String::new();
         let lines = [
             ("robot", self.config.name.clone()),
@@ -36,7 +54,7 @@ impl Robot {
             (
                 "identified",
                 match &self.identified {
-                    Some(_) => "yes, below".into(),
+                    Some(_) => "yes: parameters of [identified]".into(),
                     None => "no: the nominal values hold".to_owned(),
                 },
             ),
@@ -45,26 +63,12 @@ impl Robot {
             push(&mut out, &format!("{what:<17}{}", tail(&text, WIDTH - 17)));
         }
         self.joints_table(&mut out);
-        for (section, _) in SECTIONS.iter().filter(|(s, _)| *s != "identified") {
-            let mut values = self.config.resolved.iter().filter(|r| r.key.section == *section).peekable();
-            if values.peek().is_some() {
-                push(&mut out, "");
-                push(&mut out, &if section.is_empty() { "(top)".into() } else { format!("[{section}]") });
-            }
-            for value in values {
-                value_lines(&mut out, value);
-            }
-        }
-        self.base_table(&mut out);
         out
     }
 
     fn joints_table(&self, out: &mut String) {
         push(out, "");
-        push(
-            out,
-            " joint                       kind          lower     upper     speed    ratio    rotor  torque limit",
-        );
+        push(out, " joint                  kind        lower   upper    speed  ratio   rotor   torque");
         for (j, joint) in self.model.arm.joints.iter().enumerate() {
             let kind = format!("{:?}", joint.kind).to_lowercase();
             let (ratio, rotor) = (self.config.drive.gear_ratio[j], self.config.drive.rotor_inertia[j]);
@@ -72,9 +76,9 @@ impl Robot {
             push(
                 out,
                 &format!(
-                    " {:>2} {:<24.24} {kind:<9.9} {:>9.9} {:>9.9} {:>9.9} {:>8.8} {:>8.8} {:>13.13}",
+                    " {:>2} {:<19} {kind:<8.8} {:>8.8} {:>7.7} {:>8.8} {:>6.6} {:>7.7} {:>7.7}",
                     j + 1,
-                    joint.name,
+                    tail(&joint.name, 19),
                     short(joint.lower),
                     short(joint.upper),
                     short(joint.velocity),
@@ -84,10 +88,7 @@ impl Robot {
                 ),
             );
         }
-        push(
-            out,
-            "                                            rad       rad     rad/s        -   kg m^2           N m",
-        );
+        push(out, "                               rad     rad    rad/s      -  kg m^2      N m");
     }
 
     fn base_table(&self, out: &mut String) {
@@ -103,14 +104,18 @@ impl Robot {
             }
             return;
         }
-        push(out, " base parameter             nominal  unit          base parameter             nominal  unit");
+        // Two columns where names and units are those of most arms.
+        let is_short = |i: usize| names[i].len() <= 17 && unit(i).len() <= 9;
+        let columns = if (0..names.len()).all(is_short) { 2 } else { 1 };
+        let head = " base parameter       nominal  unit     ";
+        push(out, &head.repeat(columns));
         let cell = |i: usize| {
             let name = names.get(i)?;
-            Some(format!(" {name:<22} {:>11.4e}  {:<10}", self.nominal_base[i], unit(i)))
+            Some(format!(" {name:<17} {:>10.3e}  {:<9}", self.nominal_base[i], unit(i)))
         };
-        let rows = names.len().div_ceil(2);
+        let rows = names.len().div_ceil(columns);
         for i in 0..rows {
-            let line = format!("{}  {}", cell(i).unwrap_or_default(), cell(i + rows).unwrap_or_default());
+            let line: String = (0..columns).filter_map(|column| cell(i + column * rows)).collect();
             push(out, &line);
         }
     }
@@ -135,7 +140,7 @@ fn value_lines(out: &mut String, resolved: &Resolved) {
     }
     for (i, row) in rows.iter().enumerate() {
         let (name, tail) = match i {
-            0 => (resolved.key.name, format!("{:<11}{origin}", resolved.key.unit)),
+            0 => (resolved.key.name, format!("{:<1$}{origin}", resolved.key.unit, ORIGIN_COLUMN - UNIT_COLUMN)),
             _ => ("", String::new()),
         };
         let (left, right) = (VALUE_COLUMN - 2, UNIT_COLUMN - VALUE_COLUMN);

@@ -23,7 +23,7 @@ fn description_names_every_key_and_fits_the_page() {
         let robot = rivet_config::load(path).unwrap_or_else(|e| panic!("{e}"));
         let text = robot.describe();
         for line in text.lines() {
-            assert!(line.chars().count() <= 100, "{line}");
+            assert!(line.chars().count() <= 80, "{line}");
         }
         let optional = |s: &str| matches!(s, "coupling" | "identified") || s.starts_with("effects.");
         for key in rivet_config::keys::KEYS.iter().filter(|k| !optional(k.section)) {

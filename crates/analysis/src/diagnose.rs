@@ -24,7 +24,7 @@ use crate::runs;
 use crate::self_check::self_check;
 use crate::session;
 use crate::steps::count_line;
-use crate::table::{Table, WIDTH, paragraph};
+use crate::table::{Table, columns, paragraph};
 
 /// Effects that are values of the file.
 const VALUES: [&str; 4] = ["link_inertia", "rotor_inertia", "coulomb_friction", "viscous_friction"];
@@ -379,7 +379,7 @@ fn sizes(found: &Document) -> String {
             _ => String::new(),
         };
         let head = format!("  {}{joint}: ", c.effect);
-        let size = found.sizes(c, WIDTH.saturating_sub(head.chars().count()))?;
+        let size = found.sizes(c, columns().saturating_sub(head.chars().count()))?;
         Some(paragraph(&head, &size))
     };
     found.causes.iter().filter_map(line).collect()

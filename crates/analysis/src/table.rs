@@ -24,20 +24,40 @@ impl Table {
         self.rows.push(cells.into_iter().collect());
     }
 
-    /// The table, indented by two, its first column shortened where the lines would be too long.
+    /// The table, indented by two. Where the lines would be too long, heads are broken at spaces; then the first column is shortened.
     pub fn text(&self) -> String {
-        let columns = self.rows.iter().map(Vec::len).max().unwrap_or(0);
-        let longest =
-            |c: usize| self.rows.iter().filter_map(|r| r.get(c)).map(|s| s.chars().count()).max().unwrap_or(0);
-        let mut widths: Vec<usize> = (0..columns).map(longest).collect();
+        self.text_within(columns())
+    }
+
+    /// The same in so many columns.
+    fn text_within(&self, width: usize) -> String {
+        let Some((head, rows)) = self.rows.split_first() else { return String::new() };
+        let count = self.rows.iter().map(Vec::len).max().unwrap_or(0);
+        let length = |text: &String| text.chars().count();
+        let longest = |rows: &[Vec<String>], c: usize| rows.iter().filter_map(|r| r.get(c)).map(length).max();
+        let mut widths: Vec<usize> = (0..count).map(|c| longest(&self.rows, c).unwrap_or(0)).collect();
+        let word = |c: usize| head.get(c).into_iter().flat_map(|text| text.split(' ')).map(|w| w.chars().count()).max();
+        let least: Vec<usize> = (0..count).map(|c| longest(rows, c).max(word(c)).unwrap_or(0)).collect();
+        while 2 * count + widths.iter().sum::<usize>() > width {
+            let Some(widest) = (1..count).filter(|c| widths[*c] > least[*c]).max_by_key(|c| widths[*c]) else { break };
+            widths[widest] -= 1;
+        }
         let others: usize = widths.iter().skip(1).map(|w| w + 2).sum();
         if let Some(first) = widths.first_mut() {
-            *first = (*first).min(WIDTH.saturating_sub(2 + others)).max(4);
+            *first = (*first).min(width.saturating_sub(2 + others)).max(4);
         }
-        let firsts: Vec<&str> = self.rows.iter().map(|r| r.first().map_or("", String::as_str)).collect();
+        let broken: Vec<Vec<String>> = head.iter().zip(&widths).map(|(text, width)| lines_of(text, *width)).collect();
+        let lines = broken.iter().map(Vec::len).max().unwrap_or(0);
+        // The last line of each head stands above its column.
+        let line = |k: usize| -> Vec<String> {
+            let cell = |cell: &Vec<String>| (k + cell.len()).checked_sub(lines).map(|at| cell[at].clone());
+            broken.iter().map(|head| cell(head).unwrap_or_default()).collect()
+        };
+        let rows: Vec<Vec<String>> = (0..lines).map(line).chain(rows.iter().cloned()).collect();
+        let firsts: Vec<&str> = rows.iter().map(|r| r.first().map_or("", String::as_str)).collect();
         let firsts = labels(&firsts, widths.first().copied().unwrap_or(0));
         let mut out = String::new();
-        for (row, first) in self.rows.iter().zip(&firsts) {
+        for (row, first) in rows.iter().zip(&firsts) {
             let mut line = String::from(" ");
             for (c, cell) in row.iter().enumerate() {
                 // Writing to a String cannot fail, here and below.
@@ -51,6 +71,21 @@ impl Table {
         }
         out
     }
+}
+
+/// A text broken at spaces into lines of at most `width` characters; a longer word has a line of its own.
+fn lines_of(text: &str, width: usize) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split(' ') {
+        match lines.last_mut() {
+            Some(line) if line.chars().count() + 1 + word.chars().count() <= width => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines
 }
 
 /// Texts that are too long by beginning and end; by their ends where those are another one's too.
@@ -94,7 +129,8 @@ pub fn set_columns(columns: usize) {
     COLUMNS.store(columns.clamp(NARROWEST, WIDTH), Ordering::Relaxed);
 }
 
-fn columns() -> usize {
+/// Columns of the texts of this process.
+pub(crate) fn columns() -> usize {
     COLUMNS.load(Ordering::Relaxed)
 }
 
@@ -148,6 +184,19 @@ mod tests {
         let long = paragraph("  log: ", &"word ".repeat(60));
         assert!(long.lines().all(|line| line.chars().count() <= WIDTH), "{long}");
         assert!(long.lines().nth(1).is_some_and(|line| line.starts_with("       word")), "{long}");
+    }
+
+    /// Heads wider than their columns are broken where the terminal is narrow, and stay whole where it is not.
+    #[test]
+    fn heads_are_broken_on_a_narrow_terminal() {
+        let mut table = Table::new(["gap by joint [%]", "nominal", "in motion, nominal [x noise]", "with causes"]);
+        table.row(["shoulder_pan_joint".into(), "20.8".into(), "22".into(), "0.98".into()]);
+        let wide = table.text_within(100);
+        assert_eq!(wide.lines().count(), 2, "{wide}");
+        let narrow = table.text_within(60);
+        assert!(narrow.lines().all(|line| line.chars().count() <= 60), "{narrow}");
+        assert_eq!(narrow.lines().count(), wide.lines().count() + 1, "{narrow}");
+        assert!(table.text_within(44).lines().all(|line| line.chars().count() <= 44), "{}", table.text_within(44));
     }
 
     /// Two effects of one ending each keep what tells them apart.

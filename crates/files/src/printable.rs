@@ -53,7 +53,7 @@ impl<T: fmt::Display> fmt::Display for Printable<T> {
 /// A line on standard error, its unsafe characters escaped. One that is closed or full loses the line, and nothing else.
 pub fn note(text: impl fmt::Display) {
     // One write a line: lines of several processes on one terminal do not mix.
-    let line = format!("{}\n", Printable(text));
+    let line = format!("{}{}\n", crate::status_line::cleared(), Printable(text));
     let _ = io::stderr().write_all(line.as_bytes());
 }
 

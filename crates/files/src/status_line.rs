@@ -1,9 +1,20 @@
 //! One line on the terminal's standard error, drawn over again and again.
 
 use std::io::{IsTerminal as _, Write as _};
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Columns of a terminal that does not report them.
 const USUAL_COLUMNS: usize = 80;
+
+/// Returns to the first column and clears the row.
+const CLEAR: &str = "\r\x1b[K";
+/// Whether a line of this process stands on the terminal.
+static IS_DRAWN: AtomicBool = AtomicBool::new(false);
+
+/// What another line has to begin with, so that it does not stand behind a status line. The status line comes again with its next text.
+pub(crate) fn cleared() -> &'static str {
+    if IS_DRAWN.swap(false, Ordering::Relaxed) { CLEAR } else { "" }
+}
 
 /// The line. Nothing is written where standard error is no terminal, or a dumb one (`TERM=dumb`).
 #[derive(Debug)]
@@ -30,6 +41,7 @@ impl StatusLine {
             return;
         }
         self.is_drawn = true;
+        IS_DRAWN.store(true, Ordering::Relaxed);
         let reported = rustix::termios::tcgetwinsize(std::io::stderr()).map_or(0, |size| usize::from(size.ws_col));
         // A terminal that is gone is no reason to stop.
         let _ = write!(std::io::stderr(), "\r{}\x1b[K", cut(text, reported));
@@ -38,7 +50,8 @@ impl StatusLine {
     /// Removes it, before another line is printed and at the end.
     pub fn remove(&mut self) {
         if std::mem::take(&mut self.is_drawn) {
-            let _ = write!(std::io::stderr(), "\r\x1b[K");
+            IS_DRAWN.store(false, Ordering::Relaxed);
+            let _ = write!(std::io::stderr(), "{CLEAR}");
         }
     }
 }
@@ -59,6 +72,17 @@ mod tests {
         let text = "ü".repeat(200);
         assert_eq!([0, 80, 100, 1].map(|columns| cut(&text, columns).chars().count()), [79, 79, 99, 0]);
         assert_eq!(cut("short", 80), "short");
+    }
+
+    /// A line that is printed over a status line clears it first, once.
+    #[test]
+    fn another_line_clears_what_is_drawn() {
+        let mut line = StatusLine { is_shown: true, is_drawn: false };
+        line.draw("17 of 20");
+        assert_eq!([cleared(), cleared()], [CLEAR, ""]);
+        line.draw("18 of 20");
+        line.remove();
+        assert_eq!(cleared(), "");
     }
 
     #[test]

@@ -189,7 +189,7 @@ fn mistakes_are_told_apart_by_exit_code() {
     let output = rivet().arg("check").arg(&file).output().expect("the program starts");
     assert_eq!(output.status.code(), Some(78));
     assert!(String::from_utf8_lossy(&output.stderr).contains("robot.toml:1:8: name = 5"), "{output:?}");
-    let sound = succeed(rivet().arg("check").arg(robot("ur10e")));
+    let sound = succeed(rivet().args(["check", "--all"]).arg(robot("ur10e")));
     let text = String::from_utf8(sound.stdout).expect("text");
     assert!(text.contains("base parameters") && text.contains("drive_gain"), "{text}");
 

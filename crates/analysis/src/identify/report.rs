@@ -67,13 +67,13 @@ pub(super) fn text(robot: &Robot, result: &Findings, open: &OpenKeys) -> String 
     let (model, base) = (&robot.model, &robot.base);
     let chosen = result.chosen(robot);
     let signal = &robot.config.signal;
-    let mut out = format!(
-        "identify {}: {} joints, {} base parameters, model filter {} Hz (zero-phase)\n",
-        robot.config.name,
+    let model_size = format!(
+        "{} joints, {} base parameters, model filter {} Hz (zero-phase)",
         robot.dof(),
         base.len(),
         signal.model_filter_hz
     );
+    let mut out = paragraph(&format!("identify {}: ", robot.config.name), &model_size);
     out += &open.text();
     for (run, rows) in result.runs.iter().zip(&result.rows) {
         let (grid, range) = (&run.piece.grid, &rows.moving);
@@ -96,7 +96,8 @@ pub(super) fn text(robot: &Robot, result: &Findings, open: &OpenKeys) -> String 
     let delayed = result.runs.iter().any(|run| matches!(run.source, InstrumentSource::Delayed(_)));
     out += &evidence::online_text(robot, delayed);
     out += &evidence::distrust_text(&result.distrusts);
-    out += "\nresidual 100*|tau - D x|/|tau| on these rows; left out: on quarters, by values of the others\n";
+    let residual = "100*|tau - D x|/|tau| on these rows; left out: on quarters, by values of the others";
+    out += &paragraph("\nresidual ", residual);
     let mut table = Table::new(["joint", "nominal %", "LS %", "IV %", "left out %", "noise N m", "rows a free row"]);
     for (j, name) in runs::joint_names(robot).into_iter().enumerate() {
         // Of a joint that never moves nothing is known.
