@@ -5,7 +5,7 @@ use crate::map::MapArgs;
 use crate::outputs::Outputs;
 use crate::stream::{Recording, write_stream};
 use crate::summary::{Summary, nothing};
-use crate::table::show;
+use crate::table::{paragraph, show};
 use anyhow::{Context, Result, bail};
 use rivet_config::Robot;
 use rivet_ipc_schema::{Bus, BusConfig, Health, Notifier, Parameters, PrivateBus, Publisher, RobotName, Subscriber};
@@ -83,7 +83,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     outputs.file("--json", args.json.as_ref()).check()?;
     let recording = Recording::read(&robot, &args.log)?;
     let shutdown = Shutdown::on_signals().context("signals cannot be handled")?;
-    rivet_files::note(&recording.report);
+    rivet_files::note(paragraph("log: ", &recording.report.to_string()).trim_end());
 
     // Declared in this order, so that children end before their bus is swept away.
     let private = (!args.attach).then(|| PrivateBus::new("replay"));

@@ -31,6 +31,13 @@ fn description_names_every_key_and_fits_the_page() {
             assert!(resolved.is_some(), "{} is not read", key.path());
             assert!(text.contains(&format!("\n  {} ", key.name)), "{} is not described", key.path());
         }
+        // Numbers of joints are whole: the last column ends with the torque limit.
+        let mut rows = text.lines().skip_while(|line| !line.starts_with(" joint ")).skip(1);
+        for limit in &robot.config.drive.torque_limit {
+            let row = rows.next().unwrap_or_default();
+            let shown: f64 = row.split_whitespace().next_back().unwrap_or_default().parse().expect("a number");
+            assert!((shown - limit).abs() <= 5e-4 * limit, "{row}: {limit}");
+        }
         let name = robot.config.resolved.iter().find(|r| r.key.name == "name").expect("read");
         assert_eq!(name.origin, Origin::Line(3));
         assert!(text.contains(&format!("{:016x}", robot.hash)));

@@ -13,7 +13,7 @@ const FACTORS: [(&str, &str); 2] = [("mass_gain", "mass and inertia"), ("inertia
 /// Residual in motion over the noise from which another joint is named beside the worst one.
 const KEEPS: f64 = 2.0;
 /// A simulator further from the arm than this has lost it \[rad\]: no joint follows its plan any more.
-const LOST: f64 = 1.0;
+pub(crate) const LOST: f64 = 1.0;
 /// A figure that grew by more than this factor is worse.
 const WORSE: f64 = 1.005;
 /// Confidence in words, on blind cases, needs so many names of that confidence.

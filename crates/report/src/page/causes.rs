@@ -15,6 +15,8 @@ const HEIGHT: f64 = 230.0;
 const FEW: usize = 6;
 /// Causes that are not folded.
 const MOST_OPEN: usize = 2;
+/// Joints whose residual stands in the row of pictures of a cause; the third picture is against the torque of the cause.
+const JOINTS_IN_ROW: usize = 2;
 /// A friction curve is drawn up to this many times the velocity at which it bends, where so many points lie there.
 const BEND_VELOCITIES: f64 = 5.0;
 const FEWEST_AT_THE_BEND: usize = 6;
@@ -125,10 +127,9 @@ fn body(cause: &Cause, document: &Document) -> String {
         })
         .collect();
     let mut out = String::new();
-    if sizes.len() <= FEW {
-        for (name, value) in &sizes {
-            pairs.push((name.as_str(), value.clone()));
-        }
+    if (1..=FEW).contains(&sizes.len()) {
+        let all = sizes.iter().map(|(name, value)| format!("{name} {value}")).collect::<Vec<_>>().join(", ");
+        pairs.push(("Size", all));
         out += &facts(&pairs);
     } else {
         out += &facts(&pairs);
@@ -139,14 +140,19 @@ fn body(cause: &Cause, document: &Document) -> String {
         let _ = write!(out, "<details><summary>{} sizes</summary>{}</details>", sizes.len(), table.html());
     }
     if !cause.curves.is_empty() {
-        out += "<div class=\"figures\">";
-        for curve in &cause.curves {
-            out += &shown(cause, curve);
+        let (row, more) = cause.curves.split_at(cause.curves.len().min(JOINTS_IN_ROW));
+        let pictures = |curves: &[Curve]| curves.iter().map(|curve| shown(cause, curve)).collect::<String>();
+        let against = row.first().map_or_else(String::new, |first| against(cause, first));
+        let _ = writeln!(out, "<div class=\"figures\">{}{against}</div>", pictures(row));
+        if !more.is_empty() {
+            let (names, figures) =
+                (list(&more.iter().map(|curve| curve.joint.clone()).collect::<Vec<_>>()), pictures(more));
+            let _ = writeln!(
+                out,
+                "<details><summary>The same of {}</summary><div class=\"figures\">{figures}</div></details>",
+                escape(&names)
+            );
         }
-        if let Some(first) = cause.curves.first() {
-            out += &against(cause, first);
-        }
-        out += "</div>\n";
     }
     out
 }

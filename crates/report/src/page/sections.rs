@@ -181,7 +181,7 @@ pub(super) fn stages(document: &Document) -> String {
              <b class=\"n\" style=\"left:{:.1}%\"></b></div>\
              <div class=\"nums\">predicted <strong>{} %</strong> ({}..{})<br>measured <strong>{} %</strong></div></li>",
             escape(&name),
-            if note.is_empty() { String::new() } else { format!("<div class=\"soft\">{}</div>", escape(&note)) },
+            if note.is_empty() { String::new() } else { format!(" <span class=\"soft\">{}</span>", escape(&note)) },
             share(stage.predicted),
             share(stage.low),
             share(stage.high) - share(stage.low),

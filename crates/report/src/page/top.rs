@@ -3,7 +3,7 @@
 use super::causes::{key, stretch, worst};
 use super::html::{escape, figure as framed};
 use super::plot::{Axis, Plot};
-use crate::actions::distance;
+use crate::actions::{LOST, distance};
 use crate::document::Document;
 use crate::rollout::Rollout;
 use crate::scores::Score;
@@ -52,7 +52,8 @@ pub(super) fn top(document: &Document, scores: &[Score]) -> String {
 
 /// Error of both simulators by time since the start.
 fn errors(rollout: &Rollout) -> String {
-    let mrad = |rad: f64| 1e3 * rad;
+    // An arm that is lost has no error; its line runs along the top.
+    let mrad = |rad: f64| 1e3 * rad.min(LOST);
     let points = &rollout.points;
     let x = Axis::around(points.iter().map(|p| p.horizon_s), true);
     let y = Axis::decades(points.iter().flat_map(|p| [mrad(p.position_before_rad), mrad(p.position_after_rad)]));
