@@ -262,7 +262,7 @@ fn found(robot: &Robot, run: Run) -> Diagnosis {
 }
 
 fn found_beside(robot: &Robot, nominal: &[f64], run: Run) -> Diagnosis {
-    diagnose(&robot.model, nominal, vec![run], &mut |_| ()).expect("sound runs")
+    diagnose(&robot.model, nominal, vec![run], &mut rivet_diagnosis::Silent).expect("sound runs")
 }
 
 /// What is named, with the joints.

@@ -140,7 +140,7 @@ fn heat(robot: &Robot, j: usize, kelvins: f64, time_s: f64) -> Heat {
 }
 
 fn found(robot: &Robot, runs: Vec<Run>) -> Diagnosis {
-    diagnose(&robot.model, &robot.nominal, runs, &mut |_| ()).expect("sound runs")
+    diagnose(&robot.model, &robot.nominal, runs, &mut rivet_diagnosis::Silent).expect("sound runs")
 }
 
 fn even(_: f64) -> f64 {
