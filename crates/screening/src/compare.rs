@@ -49,7 +49,9 @@ impl Screening {
         };
         let unsound: f64 = self.readings.iter().filter(|r| !is_usable(r)).map(|r| r.probability).sum();
         // Another state of the arm shows in its values, which any prior that is wide enough would follow.
-        let in_values = best.faults.is_empty() && best.state != ArmState::Drift;
+        // So does a torque without that of the model: an arm without mass would leave as little.
+        let in_values =
+            best.faults.contains(&Fault::External) || best.faults.is_empty() && best.state != ArmState::Drift;
         let before = if in_values { &self.as_given } else { &self.residual };
         // Of the joints that it is about: what the others keep says nothing of it.
         let about: Vec<usize> = best.faults.iter().flat_map(Fault::joints).collect();

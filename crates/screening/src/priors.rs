@@ -196,8 +196,8 @@ pub const TORQUE_UNITS: [(f64, &str); 7] = [
 /// Delays that are tried \[s\], from less than a sample of a slow log to a buffer of a fifth of a second.
 pub const DELAYS_S: [f64; 16] =
     [0.008, 0.012, 0.018, 0.027, 0.035, 0.045, 0.055, 0.065, 0.08, 0.095, 0.11, 0.125, 0.14, 0.155, 0.17, 0.19];
-/// A delay up to this is that of a slow log's sample or of a drive, no other clock \[s\].
-pub const SLIGHT_DELAY_S: f64 = 0.015;
+/// A delay up to this is that of a drive, or of two samples of a log at 100 Hz, no other clock \[s\].
+pub const SLIGHT_DELAY_S: f64 = 0.02;
 /// Every so many of them is tried for single joints: what is near one of them is found beside it.
 pub const ONE_DELAY_OF: usize = 3;
 /// What is left at both ends of a piece for delays \[s\].

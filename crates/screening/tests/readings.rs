@@ -419,6 +419,22 @@ fn names_what_the_arm_is_like() {
     }
 }
 
+/// A driver's external torque is what its model of the arm misses.
+#[test]
+fn names_torque_that_the_model_is_subtracted_from() {
+    for seed in 0..4 {
+        let mut random = Random(4100 + seed);
+        let robot = Robot::new(&mut random);
+        let x = robot.off(&mut random);
+        let missed: Vec<f64> = x.iter().zip(&robot.nominal).map(|(x, nominal)| x - nominal).collect();
+        let log = Log::new(&robot, &missed, &mut random);
+        let found = robot.screen(&log).expect("motion");
+        assert_eq!(found.finding().map(Reading::name), Some("external_torque"), "{seed}: {:?}", words(&found));
+        let whole = Log::new(&robot, &x, &mut random);
+        assert_eq!(robot.screen(&whole).expect("motion").finding(), None, "{seed}");
+    }
+}
+
 /// A controller's integrators wind up while the drive gives its limit: the log's torque is many times what acts.
 #[test]
 fn commands_beyond_the_limit_are_no_other_unit() {
