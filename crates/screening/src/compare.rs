@@ -278,11 +278,16 @@ impl Comparison<'_> {
             let is_wide = |w: &&Weighed| w.faults == faults && is_widest(w.state);
             let widest = pool.iter().filter(is_wide).map(|w| w.log).fold(f64::NEG_INFINITY, f64::max);
             let list = self.list((&base, design, sums), &faults);
+            // A state that is rare beside faults, and explains the log best so far, is compared with them.
+            let is_rare = |state: ArmState| matches!(state, ArmState::Counterbalance(_) | ArmState::Drift);
+            let likely = best(pool).map(|w| w.state).filter(|state| is_rare(*state));
+            let likely =
+                likely.and_then(|state| ArmState::all(self.file.joints()).into_iter().find(|(of, _)| *of == state));
             let found: Vec<(Vec<Weighed>, f64)> = list
                 .par_iter()
                 .map(|(fault, probability)| {
                     let log_prior = log_prior + probability.ln();
-                    (self.with_fault((&base, design, sums), &faults, fault, [log_prior, widest]), log_prior)
+                    (self.with_fault((&base, design, sums), &faults, fault, [log_prior, widest], likely), log_prior)
                 })
                 .collect();
             let of_best =
@@ -321,9 +326,15 @@ impl Comparison<'_> {
             limit: &self.limit,
             exceeded: &exceeded,
         };
+        // A driver subtracts its model at its own positions: with it zeros, scales and signs of positions cannot be checked.
+        let is_external = before.contains(&Fault::External);
+        let is_unchecked = |fault: &Fault| {
+            is_external && matches!(fault, Fault::JointZero(..) | Fault::PositionUnit(..) | Fault::PositionSign(_))
+        };
         scope
             .faults()
             .into_iter()
+            .filter(|(fault, _)| !is_unchecked(fault))
             .filter(|(fault, _)| {
                 !before
                     .iter()
@@ -394,14 +405,20 @@ impl Comparison<'_> {
         faults: &[Fault],
         fault: &Fault,
         [log_prior, widest_before]: [f64; 2],
+        likely: Option<(ArmState, f64)>,
     ) -> Vec<Weighed> {
         let view = base.with(fault);
         let all: Vec<Fault> = faults.iter().chain([fault]).cloned().collect();
         let of = |design: &Design| {
             let view = self.with_signs(design, view.clone());
             let sums = self.sums(design, &view, Some((like, base)));
-            let (widest, others): (Vec<_>, Vec<_>) =
-                ArmState::beside_faults().into_iter().partition(|(state, _)| is_widest(*state));
+            // The driver's model is the file's: then the file is not that of another arm.
+            let is_external = view.missing == Missing::Model;
+            let (widest, mut others): (Vec<_>, Vec<_>) = ArmState::beside_faults()
+                .into_iter()
+                .filter(|(state, _)| !is_external || *state != ArmState::OtherArm)
+                .partition(|(state, _)| is_widest(*state));
+            others.extend(likely);
             let mut found = self.states(design, &sums, &widest, (&all, log_prior));
             if best(&found).is_some_and(|w| w.log > widest_before - p::FAR_BEHIND) {
                 found.extend(self.states(design, &sums, &others, (&all, log_prior)));

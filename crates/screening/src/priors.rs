@@ -51,7 +51,7 @@ pub const ROUGH_BODY_SPREAD: f64 = 0.4;
 /// The same where the arm is another one.
 pub const OTHER_BODY_SPREAD: f64 = 2.0;
 /// Values of a file that were identified, as shares: bodies, friction, rotors. Friction differs from day to day.
-pub const ACCURATE_SPREADS: [f64; 3] = [0.02, 0.15, 0.05];
+pub const ACCURATE_SPREADS: [f64; 3] = [0.03, 0.2, 0.15];
 /// Rotor inertias of data sheets, as a share.
 pub const ROTOR_SPREAD: f64 = 0.3;
 /// Friction depends on temperature, load and wear: as a share of the file's.

@@ -411,7 +411,8 @@ fn names_what_the_arm_is_like() {
         let robot = Robot::new(&mut random);
         let mut x = robot.off(&mut random);
         let at_motor = Log::new(&robot, &x, &mut random);
-        assert!(top(&robot, &at_motor).is_sound());
+        let found = top(&robot, &at_motor);
+        assert!(found.is_sound(), "{seed}: {found:?}");
         x[60..78].fill(0.0);
         let behind_gear = Log::new(&robot, &x, &mut random);
         let found = top(&robot, &behind_gear);
