@@ -9,6 +9,7 @@
 //! A joint that is not seen is where the model with friction predicts it. A prediction without friction goes on when friction has
 //! brought the joint to rest: its torque then turns the joint round, and balances gravity at a position that the joint never reached.
 
+use crate::allocation::allocate;
 use crate::history::{History, Moment};
 use crate::inertia::{acceleration_of, accelerations_by};
 use crate::law::ControlLaw;
@@ -182,6 +183,27 @@ impl Stop {
                     }
                 }
             }
+        }
+    }
+}
+
+impl Stop {
+    /// Brings a wanted torque of `damp` into what the drives can give next, `reach` \[N·m\]: joints whose drives can give more give way to
+    /// those that would be dragged along. `speed` are speed limits \[rad/s\], `mass` is scratch of dof² numbers. Real-time safe.
+    pub(crate) fn share_out(
+        self,
+        law: &mut ControlLaw,
+        x: &[f64],
+        stopping: &Stopping,
+        [low, high]: &[[f64; MAX_JOINTS]; 2],
+        speed: &[f64; MAX_JOINTS],
+        mass: &mut [f64],
+        tau: &mut [f64],
+    ) {
+        let is_within = tau.iter().enumerate().all(|(j, tau)| *tau >= low[j] && *tau <= high[j]);
+        if self.reaction == StopReaction::Damp && !is_within {
+            law.inertia(&stopping.q[..tau.len()], x, mass);
+            allocate(tau, low, high, mass, speed);
         }
     }
 }

@@ -108,6 +108,19 @@ fn an_elbow_that_counts_backwards_does_not_sink() {
     }
 }
 
+/// Encoders whose scale changes: few joints become fast before it is noticed (`docs/realtime.md` has the figures).
+#[test]
+fn encoders_of_another_scale_make_few_joints_fast() {
+    let (bad, count) = bad_ones(|random| {
+        let case = Case::draw(random);
+        let scale = factor(random, 0.05, 0.8) * if random.uniform(0.0, 1.0) < 0.4 { -1.0 } else { 1.0 };
+        let wrong = Wrong::Scaled(case.joint, scale);
+        let o = case.rig().run(case.sound_s, wrong, 2.5, |_, _| ());
+        (format!("{case:?} {wrong:?}"), o, o.speed > MOST_SPEED)
+    });
+    assert!(bad.len() as u64 <= count.div_ceil(10), "{bad:#?}");
+}
+
 /// Arms with half to 2.5 times the friction of the file, rotors of 0.7 to 1.3 times the inertia, loads that the model does not know, and a
 /// weight that is hung on the flange in motion.
 #[test]
