@@ -11,7 +11,7 @@
 
 use crate::allocation::allocate;
 use crate::history::{History, Moment};
-use crate::inertia::{acceleration_of, accelerations_by};
+use crate::inertia::{acceleration_by, acceleration_of, accelerations_by};
 use crate::law::ControlLaw;
 use crate::watch::Wrong;
 use rivet_config::StopReaction;
@@ -200,9 +200,22 @@ impl Stop {
         mass: &mut [f64],
         tau: &mut [f64],
     ) {
-        let is_within = tau.iter().enumerate().all(|(j, tau)| *tau >= low[j] && *tau <= high[j]);
-        if self.reaction == StopReaction::Damp && !is_within {
-            law.inertia(&stopping.q[..tau.len()], x, mass);
+        let n = tau.len();
+        let mut lacking = [0.0; MAX_JOINTS];
+        for j in 0..n {
+            lacking[j] = tau[j].clamp(low[j], high[j]) - tau[j];
+        }
+        if self.reaction != StopReaction::Damp || lacking[..n].iter().all(|lacking| *lacking == 0.0) {
+            return;
+        }
+        let dragged = acceleration_by(law, &stopping.q[..n], &lacking, x, mass);
+        // A joint that brakes less than planned goes on for longer, and may be dragged along up to its speed limit.
+        let is_dragged = |j: usize| {
+            let (a, now) = (stopping.qdd[j] + dragged[j], stopping.speed[j]);
+            a * now > 0.0 && (now + a * self.decay_s()).abs() > speed[j]
+        };
+        if (0..n).any(is_dragged) {
+            law.inertia(&stopping.q[..n], x, mass);
             allocate(tau, low, high, mass, speed);
         }
     }

@@ -72,7 +72,9 @@ fn plans_that_run_away_make_no_joint_fast() {
         let runaway = Runaway::draw(&mut random, 12.0 * speed);
         let begin = Motion::Swing(Swing::new(&rig.robot, share)).at(sound_s);
         let o = rig.run(sound_s, Wrong::Nothing, PLANNED_S, |t, plan| runaway.apply(joint, &begin, t, plan));
-        let name = format!("seed {seed}: {arm} {period_s} s, {share:.2} of the speed, {sound_s:.2} s, joint {joint}, {runaway:?}");
+        let name = format!(
+            "seed {seed}: {arm} {period_s} s, {share:.2} of the speed, {sound_s:.2} s, joint {joint}, {runaway:?}"
+        );
         println!("{name}: {:?}, speed {:.2}, away {:.3} rad, rest {:.3} rad/s", o.stop, o.speed, o.away, o.rest);
         speeds.push(o.speed);
         ways.push(o.away);
@@ -83,4 +85,28 @@ fn plans_that_run_away_make_no_joint_fast() {
     let most = |values: &[f64]| values.iter().copied().fold(0.0, f64::max);
     println!("{} of {count} fast, at most {:.2}, {:.2} rad", fast.len(), most(&speeds), most(&ways));
     assert!(fast.is_empty(), "{fast:#?}");
+}
+
+/// Accelerations of joint 2 that stay at −40 rad/s², whatever positions and velocities do, at moments a tenth of a second apart.
+#[test]
+fn constant_accelerations_make_no_joint_fast() {
+    let mut fastest = Vec::new();
+    for share in [0.4, 0.6, 0.8] {
+        for period_s in [0.004, 0.001] {
+            for by in [-40.0, 40.0] {
+                let most = (12..32).map(|k| {
+                    let mut rig = Rig::new("dd2", period_s, "resume_after = 0\n", share);
+                    let runaway = Runaway::Acceleration(by);
+                    let begin = [[0.0; rivet_dynamics::MAX_JOINTS]; 3];
+                    let bend = |t: f64, plan: &mut [Values; 3]| runaway.apply(1, &begin, t, plan);
+                    rig.run(0.1 * f64::from(k), Wrong::Nothing, PLANNED_S, bend).speed
+                });
+                let most = most.fold(0.0, f64::max);
+                println!("{share} of the speed, {period_s} s, {by} rad/s²: at most {most:.2}");
+                fastest.push(most);
+            }
+        }
+    }
+    let most = fastest.iter().copied().fold(0.0, f64::max);
+    assert!(most <= MAX_SPEED, "{most}");
 }
