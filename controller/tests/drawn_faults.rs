@@ -163,3 +163,21 @@ fn arms_that_differ_from_their_files_are_not_stopped() {
     });
     assert!(bad.is_empty(), "{bad:#?}");
 }
+
+/// Weights of up to the rated load of a UR10e, 12.5 kg, that are hung on the flange in motion and taken off again. The drives can hold them.
+#[test]
+fn rated_loads_that_are_grasped_and_released_stop_no_arm() {
+    let (bad, _) = bad_ones(|random| {
+        let case = Case { arm: "ur10e", share: random.uniform(0.05, 0.5), ..Case::draw(random) };
+        let [by, force] = [factor(random, 0.5, 1.7), random.uniform(60.0, 12.5 * 9.81)];
+        let [from_s, length_s] = [random.uniform(1.0, 3.0), random.uniform(0.5, 2.5)];
+        let mut rig = case.rig("").differing(|physics| {
+            friction(physics, by);
+            physics.pushes.push(Push { from_s, length_s, force: [0.0, 0.0, -force] });
+        });
+        let o = rig.run(0.0, Wrong::Nothing, 6.0, |_, _| ());
+        let name = format!("{case:?}, friction times {by:.2}, {force:.0} N from {from_s:.2} s on for {length_s:.2} s");
+        (name, o, o.stops > 0)
+    });
+    assert!(bad.is_empty(), "{bad:#?}");
+}
