@@ -1,6 +1,6 @@
 //! Torque of coupled joints where the drives cannot give what is wanted.
 //!
-//! A joint that is held back at its limit is dragged along by what the other joints do. So those give way: of all torques within the limits
+//! A joint whose torque is cut at its limit is dragged along by what the other joints do. So those give way: of all torques within the limits
 //! the one is chosen whose accelerations are closest to the wanted ones, each joint's in parts of its speed limit.
 //!
 //! ```text

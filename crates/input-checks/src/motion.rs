@@ -259,7 +259,7 @@ impl MotionCheck {
                 joint.model_error += share * sudden.clamp(-most, most);
             }
             joint.unanswered = if answered { 0 } else { joint.unanswered.saturating_add(1) };
-            // A joint that stands may be held by all that friction holds, in one direction and then in the other.
+            // Friction may hold a joint that stands with all that it has, in one direction and then in the other.
             let holding = if motion.qd[j].abs() < ABRUPT { joint.breakaway } else { 0.0 };
             let most = bound(joint.breakaway.max(USUAL_TIMES * joint.usual)).max(holding + noise);
             let sudden = missed - joint.slow_error;
