@@ -339,6 +339,8 @@ pub struct Controller {
     pub tracking_error: Vec<f64>,
     /// Longest time for which a commanded torque may be at its limit \[ms\].
     pub saturation_ms: f64,
+    /// Largest torque on each joint of loads and contacts that the model does not have, as a share of the torque limit.
+    pub unmodelled_torque: Vec<f64>,
     /// Largest change of the present torque by a new parameter set, as a share of the torque limit.
     pub torque_change: f64,
     /// Without an acceptable parameter set for this long, published parameters give way to the last good ones \[s\].

@@ -3,6 +3,7 @@
 //! [`Core`] is pure: samples, setpoints and parameter sets in, commands out. [`shell`] puts it between the clock and the
 //! bus.
 
+mod allocation;
 mod core;
 mod desired;
 mod error;

@@ -46,6 +46,11 @@ impl SetpointLimits {
         self.velocity[j]
     }
 
+    /// Speed limits of all joints \[rad/s\]; infinite where there is none.
+    pub(crate) fn speeds(&self) -> &[f64; MAX_JOINTS] {
+        &self.velocity
+    }
+
     /// Brings a plan back to the limits; true when it was beyond one. At the end of a range a joint is to stand: what would
     /// carry it further is taken away. At the speed limit it is not to get faster.
     pub(crate) fn apply(&self, desired: &mut Desired) -> bool {

@@ -122,6 +122,17 @@ impl Output {
         applied
     }
 
+    /// Lowest and highest torque that the next command may have \[N·m\]: within the limits, and a step of the last one.
+    pub(crate) fn reach(&self) -> [[f64; MAX_JOINTS]; 2] {
+        let mut reach = [[0.0; MAX_JOINTS]; 2];
+        for (j, (limit, step)) in self.limits.torque.iter().zip(&self.limits.step).enumerate() {
+            let last = self.last[j];
+            reach[0][j] = (last - step).clamp(-limit, *limit);
+            reach[1][j] = (last + step).clamp(-limit, *limit);
+        }
+        reach
+    }
+
     /// The last torque that went out \[N·m\].
     pub fn last(&self) -> &[f64; MAX_JOINTS] {
         &self.last

@@ -9,8 +9,9 @@
 //! A joint that is not seen is where the model with friction predicts it. A prediction without friction goes on when friction has
 //! brought the joint to rest: its torque then turns the joint round, and balances gravity at a position that the joint never reached.
 
+use crate::allocation::allocate;
 use crate::history::{History, Moment};
-use crate::inertia::{acceleration_of, accelerations_by};
+use crate::inertia::{acceleration_by, acceleration_of, accelerations_by};
 use crate::law::ControlLaw;
 use crate::watch::Wrong;
 use rivet_config::StopReaction;
@@ -182,6 +183,40 @@ impl Stop {
                     }
                 }
             }
+        }
+    }
+}
+
+impl Stop {
+    /// Brings a wanted torque of `damp` into what the drives can give next, `reach` \[N·m\]: joints whose drives can give more give way to
+    /// those that would be dragged along. `speed` are speed limits \[rad/s\], `mass` is scratch of dof² numbers. Real-time safe.
+    pub(crate) fn share_out(
+        self,
+        law: &mut ControlLaw,
+        x: &[f64],
+        stopping: &Stopping,
+        [low, high]: &[[f64; MAX_JOINTS]; 2],
+        speed: &[f64; MAX_JOINTS],
+        mass: &mut [f64],
+        tau: &mut [f64],
+    ) {
+        let n = tau.len();
+        let mut lacking = [0.0; MAX_JOINTS];
+        for j in 0..n {
+            lacking[j] = tau[j].clamp(low[j], high[j]) - tau[j];
+        }
+        if self.reaction != StopReaction::Damp || lacking[..n].iter().all(|lacking| *lacking == 0.0) {
+            return;
+        }
+        let dragged = acceleration_by(law, &stopping.q[..n], &lacking, x, mass);
+        // A joint that brakes less than planned goes on for longer, and may be dragged along up to its speed limit.
+        let is_dragged = |j: usize| {
+            let (a, now) = (stopping.qdd[j] + dragged[j], stopping.speed[j]);
+            a * now > 0.0 && (now + a * self.decay_s()).abs() > speed[j]
+        };
+        if (0..n).any(is_dragged) {
+            law.inertia(&stopping.q[..n], x, mass);
+            allocate(tau, low, high, mass, speed);
         }
     }
 }

@@ -17,7 +17,9 @@ pub fn stop_text(cause: u32, joints: u32) -> String {
         StopCause::Frozen => "the position repeats although the joint moves or its plan has left it",
         StopCause::EncoderJump => "the position changed faster than a drive moves the joint",
         StopCause::TooFast => "beyond the joint's speed limit",
-        StopCause::NoResponse => "the joint does not move as the commanded torque moves it",
+        StopCause::NoResponse => {
+            "the joint does not move as the commanded torque moves it, by more than [controller] unmodelled_torque"
+        }
         StopCause::SignFlipped => "measured torque opposite to the commanded one",
         StopCause::TorqueStuck => "measured torque does not follow the commanded one",
         StopCause::Saturated => {

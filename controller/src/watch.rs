@@ -65,7 +65,12 @@ impl Watch {
         let motion: Vec<MotionLimits> = joints
             .iter()
             .enumerate()
-            .map(|(j, joint)| MotionLimits { joint: *joint, speed: limits.speed(j), inertia: law.nominal_inertia(j) })
+            .map(|(j, joint)| MotionLimits {
+                joint: *joint,
+                speed: limits.speed(j),
+                unmodelled: config.controller.unmodelled_torque[j] * joint.torque,
+                inertia: law.nominal_inertia(j),
+            })
             .collect();
         let mut tracking_error = [f64::INFINITY; MAX_JOINTS];
         for (most, configured) in tracking_error.iter_mut().zip(&config.controller.tracking_error) {

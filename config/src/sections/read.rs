@@ -370,6 +370,7 @@ pub(crate) fn controller(reader: &mut Reader<'_>, sample_period_s: f64, publish_
     let resume_after = reader.count("controller", "resume_after");
     let tracking_error = reader.numbers("controller", "tracking_error");
     let saturation_ms = reader.number("controller", "saturation_ms");
+    let unmodelled_torque = reader.numbers("controller", "unmodelled_torque");
     let torque_change = reader.number("controller", "torque_change");
     let between = sample_period_s * publish_every as f64;
     reader.derive("controller", "parameter_timeout_s", (5.0 * between).max(1.0));
@@ -393,6 +394,7 @@ pub(crate) fn controller(reader: &mut Reader<'_>, sample_period_s: f64, publish_
         resume_after,
         tracking_error,
         saturation_ms,
+        unmodelled_torque,
         torque_change,
         parameter_timeout_s,
         return_after,

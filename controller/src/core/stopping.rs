@@ -123,7 +123,12 @@ impl Core {
             let stopping_s = stopping.periods as f64 * self.period_s;
             self.stop.torque(&mut self.law, x, stopping, seen, stopping_s, &mut tau[..n]);
         }
-        let command = self.give(seq, stamp_ns, tau, None);
+        let mut shared = tau;
+        if let Some(stopping) = &self.stopping {
+            let (reach, speed) = (self.output.reach(), self.limits.speeds());
+            self.stop.share_out(&mut self.law, x, stopping, &reach, speed, &mut self.mass, &mut shared[..n]);
+        }
+        let command = self.give(seq, stamp_ns, shared, None);
         if let Some(stopping) = &mut self.stopping {
             let mut lacking = [0.0; MAX_JOINTS];
             for j in 0..n {
