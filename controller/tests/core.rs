@@ -78,8 +78,7 @@ fn smooth(x: f64) -> f64 {
 #[test]
 fn integral_action_removes_a_constant_error() {
     // An arm that does not answer its torque for so long would be stopped.
-    let words =
-        "[controller]\nintegral_hz = 0.3\nsaturation_ms = 10000\ntracking_error = 1.0\nunmodelled_torque = 10\n";
+    let words = "[controller]\nintegral_hz = 0.3\nsaturation_ms = 10000\ntracking_error = 1.0\n";
     let robot = robot_with("manutec-r3", &[("[controller]\n", words)]);
     let mut core = core(&robot);
     let mut away = Q;
@@ -101,7 +100,8 @@ fn integral_action_removes_a_constant_error() {
 #[test]
 fn integral_does_not_wind_up_while_a_drive_is_at_its_limit() {
     // An arm that does not answer its torque for so long would be stopped.
-    let words = "[controller]\nintegral_hz = 0.3\nsaturation_ms = 10000\ntracking_error = 1.0\n";
+    let words =
+        "[controller]\nintegral_hz = 0.3\nsaturation_ms = 10000\ntracking_error = 1.0\nunmodelled_torque = 1.0\n";
     let robot = robot_with("manutec-r3", &[("[controller]\n", words)]);
     let after = |standing: u64| {
         let mut core = core(&robot);
