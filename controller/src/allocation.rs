@@ -10,8 +10,8 @@
 use crate::matrix::{cholesky_succeeds, solve_factored};
 use rivet_dynamics::MAX_JOINTS;
 
-/// Sweeps of coordinate descent. Of drawn arms with up to seven joints, 30 come within 1 % of the least value in all.
-const SWEEPS: usize = 30;
+/// Sweeps of coordinate descent: within 1 % of the least value on 1000 drawn inertia matrices of up to seven joints, where 30 are not.
+const SWEEPS: usize = 200;
 
 /// Replaces `wanted` \[N·m\] by the torque within `low` and `high` whose accelerations are closest. `mass` is the inertia matrix, row-major,
 /// and is overwritten. `speed` are speed limits \[rad/s\]; a joint without one counts as one of 1 rad/s. Where `mass` is that of no arm each

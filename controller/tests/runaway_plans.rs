@@ -87,7 +87,7 @@ fn plans_that_run_away_make_no_joint_fast() {
     assert!(fast.is_empty(), "{fast:#?}");
 }
 
-/// Joint 2 of dd2 at ±40 rad/s², at moments a tenth of a second apart: the hardest plans for a joint that joint 1 drags along.
+/// Joint 2 of dd2 at ±40 rad/s², at moments 0.2 s apart: the hardest plans for a joint that joint 1 drags along.
 #[test]
 fn constant_accelerations_make_no_joint_fast() {
     let mut fastest = 0.0_f64;
@@ -95,7 +95,7 @@ fn constant_accelerations_make_no_joint_fast() {
         for period_s in [0.004, 0.001] {
             for kind in [Runaway::Acceleration, Runaway::Consistent, Runaway::Velocity] {
                 let mut most = (0.0_f64, 0.0_f64);
-                for (by, k) in [-40.0, 40.0].into_iter().flat_map(|by| (12..32).map(move |k| (by, k))) {
+                for (by, k) in [-40.0, 40.0].into_iter().flat_map(|by| (12..32).step_by(2).map(move |k| (by, k))) {
                     let (runaway, sound_s) = (kind(by), 0.1 * f64::from(k));
                     let mut rig = Rig::new("dd2", period_s, "resume_after = 0\n", share);
                     let begin = Motion::Swing(Swing::new(&rig.robot, share)).at(sound_s);
