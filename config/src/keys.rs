@@ -372,7 +372,7 @@ pub const KEYS: &[Key] = &[
         "Largest distance of a joint from its plan (m for a sliding joint). Beyond it the stop reaction acts."),
     key("controller", "saturation_ms", Number, "ms", Within(1.0, 10_000.0), Fallback::Number(200.0),
         "Longest time for which a commanded torque may be at its limit. After it the stop reaction acts."),
-    key("controller", "unmodelled_torque", PerJointOrOne, "-", Within(0.05, 10.0), Fallback::Number(0.5),
+    key("controller", "unmodelled_torque", PerJointOrOne, "-", Within(0.05, 10.0), Fallback::Number(0.6),
         "Largest torque on a joint of a load that is grasped or of a contact, as a share of `drive.torque_limit`. A joint whose motion and commanded torque come apart by more does not answer: the stop reaction acts. Lower: a wrong encoder is found sooner."),
     key("controller", "torque_change", Number, "-", Above(0.0, 10.0), Fallback::Number(0.5),
         "A parameter set that would change a joint's torque at the present setpoint by more than this share of `drive.torque_limit` is not adopted."),
