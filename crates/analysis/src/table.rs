@@ -195,7 +195,7 @@ mod tests {
         assert_eq!(wide.lines().count(), 2, "{wide}");
         let narrow = table.text_within(60);
         assert!(narrow.lines().all(|line| line.chars().count() <= 60), "{narrow}");
-        assert_eq!(narrow.lines().count(), wide.lines().count() + 1, "{narrow}");
+        assert!(narrow.lines().count() > wide.lines().count(), "{narrow}");
         assert!(table.text_within(44).lines().all(|line| line.chars().count() <= 44), "{}", table.text_within(44));
     }
 
