@@ -5,13 +5,14 @@ use crate::error::LogFault;
 /// Steps of time between rows of a log \[s\]: of the units of time one alone makes a step such.
 const STEPS_S: [f64; 2] = [1.5e-4, 0.12];
 
-/// The unit in which a step of time is one of a log: `s`, `ms`, `us` or `ns`; none where it is none in any.
+/// The unit in which a step of time is that of a log, from 8 Hz to 7 kHz: `s`, `ms`, `us` or `ns`. Without one where no unit fits.
 ///
 /// ```
 /// // Rows of a log at 1 kHz are a million nanoseconds apart.
 /// assert_eq!(rivet_logs::unit_of_step(1e6), Some("ns"));
 /// assert_eq!(rivet_logs::unit_of_step(1e-3), Some("s"));
-/// assert_eq!(rivet_logs::unit_of_step(3600.0), None);
+/// // A step of 1e9 is a second or more in each of the units.
+/// assert_eq!(rivet_logs::unit_of_step(1e9), None);
 /// ```
 pub fn unit_of_step(step: f64) -> Option<&'static str> {
     let fits = |(_, factor): &(&str, f64)| (STEPS_S[0]..=STEPS_S[1]).contains(&(factor * step));
