@@ -10,7 +10,7 @@
 use crate::matrix::{cholesky_succeeds, solve_factored};
 use rivet_dynamics::MAX_JOINTS;
 
-/// Sweeps of coordinate descent: within 1 % of the least value on 1000 drawn inertia matrices of up to seven joints, where 30 are not.
+/// Most sweeps of coordinate descent: within 1 % of the least value on 1000 drawn inertia matrices of up to seven joints, where 30 are not.
 const SWEEPS: usize = 200;
 
 /// Replaces `wanted` \[N·m\] by the torque within `low` and `high` whose accelerations are closest. `mass` is the inertia matrix, row-major,
@@ -45,12 +45,16 @@ pub(crate) fn allocate(
             }
         }
         for _ in 0..SWEEPS {
+            let before = change;
             for i in 0..n {
                 let others: f64 = (0..n).filter(|k| *k != i).map(|k| squares[i][k] * change[k]).sum();
                 let free = -others / squares[i][i];
                 if free.is_finite() {
                     change[i] = free.clamp(low[i] - wanted[i], high[i] - wanted[i]);
                 }
+            }
+            if change == before {
+                break;
             }
         }
     }
@@ -100,17 +104,17 @@ mod tests {
                 let mut tau = wanted.clone();
                 allocate(&mut tau, &low, &high, &mut mass.clone(), &speed);
                 assert!((0..n).all(|j| tau[j] >= low[j] - 1e-9 && tau[j] <= high[j] + 1e-9), "{tau:?}");
-                let of = |tau: &[f64]| {
+                let objective = |tau: &[f64]| {
                     let change: Vec<f64> = tau.iter().zip(&wanted).map(|(a, b)| a - b).collect();
                     value(&mass, &change, &speed)
                 };
-                let found = of(&tau);
+                let found = objective(&tau);
                 let alone: Vec<f64> = (0..n).map(|j| wanted[j].clamp(low[j], high[j])).collect();
-                assert!(found <= of(&alone) + 1e-9, "{found} and {}", of(&alone));
+                assert!(found <= objective(&alone) + 1e-9, "{found} and {}", objective(&alone));
                 for _ in 0..50 {
                     let near: Vec<f64> =
                         (0..n).map(|j| (tau[j] + 0.05 * random.normal()).clamp(low[j], high[j])).collect();
-                    assert!(found <= 1.01 * of(&near) + 1e-9, "{n} joints: {found} and {}", of(&near));
+                    assert!(found <= 1.01 * objective(&near) + 1e-9, "{n} joints: {found} and {}", objective(&near));
                 }
             }
         }

@@ -46,7 +46,7 @@ impl SetpointLimits {
         self.velocity[j]
     }
 
-    /// Speed limits of all joints \[rad/s\]; infinite where there is none.
+    /// Speed limits of all joints \[rad/s\]; infinite without a limit.
     pub(crate) fn speeds(&self) -> &[f64; MAX_JOINTS] {
         &self.velocity
     }

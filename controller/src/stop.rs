@@ -185,9 +185,7 @@ impl Stop {
             }
         }
     }
-}
 
-impl Stop {
     /// Brings a wanted torque of `damp` into what the drives can give next, `reach` \[N·m\]: joints whose drives can give more give way to
     /// those that would be dragged along. `speed` are speed limits \[rad/s\], `mass` is scratch of dof² numbers. Real-time safe.
     pub(crate) fn share_out(

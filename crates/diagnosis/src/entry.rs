@@ -27,7 +27,7 @@ use crate::screen::torque_unit;
 
 /// Compares runs with what the simulator knows: `model` with the standard vector `nominal`.
 ///
-/// With several runs the last is sealed: it is predicted before its torque is looked at. A single run is cut. The
+/// With several runs the last is held out: it is predicted before its torque is read. A single run is cut. The
 /// listener gets every step and decision.
 ///
 /// # Errors

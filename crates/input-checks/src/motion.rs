@@ -17,14 +17,14 @@ const MOVED_STEPS: f64 = 8.0;
 /// Bound of what friction and earlier errors of the model add to [`MotionLimits::unmodelled`], in parts of the torque limit.
 const MAX_ERROR_SHARE: f64 = 0.5;
 /// Share of [`MotionLimits::unmodelled`] that a load or a contact may add within [`MODEL_ERROR_S`]. With 1 an encoder that counts
-/// backwards is found after 28 ms instead of 20 ms; with this share none of 100 drawn grasps of a rated load is stopped.
+/// backwards is found after up to 28 ms, and 20 ms are permitted; with this share none of 100 drawn grasps of a rated load is stopped.
 const SUDDEN_SHARE: f64 = 5.0 / 6.0;
 /// What the model misses for longer than this is an error of the model \[s\]: impacts show at once, whatever the model misses.
 const MODEL_ERROR_S: f64 = 0.1;
 /// The same for what builds up slowly, as the torque of an encoder does that shows a part of the motion.
 const SLOW_ERROR_S: f64 = 1.0;
-/// Times by which that may exceed its usual magnitude, and the memory of the magnitude \[s\]. Of 150 drawn sound arms with loads, friction
-/// and rotors that their files do not have, 20 are stopped without this at an unmodelled torque of 0.2, and 2 with it.
+/// Times by which that may exceed its usual magnitude, and the memory of the magnitude \[s\]: arms with loads, friction and rotors that
+/// their files do not have (`docs/realtime.md` has figures of drawn ones).
 const USUAL_TIMES: f64 = 3.0;
 const USUAL_S: f64 = 5.0;
 /// Samples in a row that do not answer the torque.

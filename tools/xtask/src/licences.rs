@@ -208,11 +208,11 @@ fn document(crates: &[Crate], texts: &[Vec<String>]) -> String {
 /// Empty for what is no expression.
 fn standard_names(expression: &str) -> BTreeSet<&'static str> {
     let Ok(parsed) = spdx::Expression::parse_mode(expression, spdx::ParseMode::LAX) else { return BTreeSet::new() };
-    let names = |of: &spdx::LicenseReq| of.license.id().map(|id| id.name);
-    if parsed.evaluate(|of| names(of) == Some("Apache-2.0") && of.addition.is_none()) {
+    let name = |licence: &spdx::LicenseReq| licence.license.id().map(|id| id.name);
+    if parsed.evaluate(|licence| name(licence) == Some("Apache-2.0") && licence.addition.is_none()) {
         return BTreeSet::from(["Apache-2.0"]);
     }
-    parsed.requirements().filter_map(|of| names(&of.req)).collect()
+    parsed.requirements().filter_map(|requirement| name(&requirement.req)).collect()
 }
 
 #[cfg(test)]

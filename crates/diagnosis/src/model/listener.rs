@@ -5,7 +5,7 @@ pub trait Listener {
     /// A line of text: a step that begins, a candidate with its evidence, a decision.
     fn line(&mut self, text: &str);
 
-    /// `done` of the `total` candidates of the present round have their columns. Comes once a candidate.
+    /// `done` of the `total` candidates of the present round have their columns. Comes after each candidate of the calling thread.
     fn count(&mut self, done: usize, total: usize);
 }
 

@@ -34,9 +34,9 @@ pub(crate) fn map_counted<T: Sync, R: Send>(
             count(done);
             result
         };
-        let own: Vec<R> = share(0).map(counted).collect();
+        let first: Vec<R> = share(0).map(counted).collect();
         let others = running.into_iter().map(|r| r.join().unwrap_or_else(|why| std::panic::resume_unwind(why)));
-        std::iter::once(own).chain(others).collect()
+        std::iter::once(first).chain(others).collect()
     });
     let mut parts: Vec<_> = done.into_iter().map(Vec::into_iter).collect();
     (0..items.len()).filter_map(|i| parts[i % workers].next()).collect()

@@ -170,8 +170,7 @@ pub(crate) fn unsure(search: &Search<'_>) -> Option<Unsure> {
     Some(Unsure { share, covariance: found.covariance(search.nominal.x.len())? })
 }
 
-/// The model's values, as given and as found with everything free; the `named` ones as in the corrected model, whose coefficients are
-/// theirs.
+/// The model's values: nominal, and found with everything free. The `named` ones are found with the coefficients of the `corrected` model.
 pub(crate) fn parameters(
     search: &Search<'_>,
     unsure: &Unsure,
