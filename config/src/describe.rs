@@ -68,7 +68,7 @@ impl Robot {
 
     fn joints_table(&self, out: &mut String) {
         push(out, "");
-        push(out, " joint                 kind       lower   upper   speed  ratio   rotor  torque");
+        push(out, " joint                  kind       lower   upper   speed  ratio   rotor  torque");
         for (j, joint) in self.model.arm.joints.iter().enumerate() {
             let kind = format!("{:?}", joint.kind).to_lowercase();
             let (ratio, rotor) = (self.config.drive.gear_ratio[j], self.config.drive.rotor_inertia[j]);
@@ -76,9 +76,9 @@ impl Robot {
             push(
                 out,
                 &format!(
-                    " {:>2} {:<18} {kind:<8.8} {:>7.7} {:>7.7} {:>7.7} {:>6.6} {:>7.7} {:>7.7}",
+                    " {:>2} {:<19} {kind:<8.8} {:>7.7} {:>7.7} {:>7.7} {:>6.6} {:>7.7} {:>7.7}",
                     j + 1,
-                    tail(&joint.name, 18),
+                    tail(&joint.name, 19),
                     short(joint.lower),
                     short(joint.upper),
                     short(joint.velocity),
@@ -88,7 +88,7 @@ impl Robot {
                 ),
             );
         }
-        push(out, "                                  rad     rad   rad/s      -  kg m^2     N m");
+        push(out, "                                   rad     rad   rad/s      -  kg m^2     N m");
     }
 
     fn base_table(&self, out: &mut String) {
