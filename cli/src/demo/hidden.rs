@@ -11,6 +11,7 @@ use rivet_diagnosis::Effect;
 use rivet_realtime::Shutdown;
 use rivet_report::words::{effect, percent};
 use rivet_report::{Cause, Document};
+use rivet_simulation::process::Options;
 use rivet_studies::hidden_effect::HiddenEffect;
 use serde_json::{Value, json};
 
@@ -33,9 +34,10 @@ fn differs(name: &str) -> bool {
 pub(crate) struct Hidden(HiddenEffect);
 
 impl Hidden {
-    /// Draws one that the robot file does not have.
-    pub(crate) fn draw(robot: &Robot, seed: u64) -> Result<Hidden> {
-        HiddenEffect::draw(robot, seed).map(Hidden).map_err(anyhow::Error::msg)
+    /// Draws one that the robot file does not have and that the run will show.
+    pub(crate) fn draw(robot: &Robot, file: &Path, seed: u64) -> Result<Hidden> {
+        let motion = Options { seed: Some(seed), ..Options::new(file) }.trajectory(robot)?;
+        HiddenEffect::draw(robot, &*motion, seed).map(Hidden).map_err(anyhow::Error::msg)
     }
 
     /// Writes the robot file of the true arm into `folder`.

@@ -185,7 +185,7 @@ fn demonstrate(args: &Args) -> Result<ExitCode> {
     let patched = folder.join("patched");
     let model = patched.join("model.toml");
     remove_old([&truth, &log, &verdict, &model])?;
-    let hidden = Hidden::draw(&robot, args.seed)?;
+    let hidden = Hidden::draw(&robot, &robot_file, args.seed)?;
     let true_robot = hidden.robot_file(&robot, &robot_file, &folder)?;
     let files = Files { robot: robot_file, true_robot, truth, log, verdict, patched, folder };
     let bus = private.config();

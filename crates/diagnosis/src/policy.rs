@@ -227,7 +227,7 @@ pub(crate) struct Screening {
     pub(crate) min_unit_ratio_of_friction: f64,
     /// Squares other than friction's over all, below which nearly all is friction. Unit and range: share, 0 to 1. Origin: hand-set.
     pub(crate) min_body_torque_share: f64,
-    /// Squared residual with a load over that with another unit. Unit and range: share, 0 to 1. Origin: hand-set.
+    /// Squared residual of the better of load and other unit over that of the other one. Unit and range: share, 0 to 1. Origin: hand-set.
     pub(crate) max_load_residual_share: f64,
     /// Factor by which bodies and drive are both off. Unit and range: ratio, above 1. Origin: hand-set.
     pub(crate) min_common_factor: f64,

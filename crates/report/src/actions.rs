@@ -159,18 +159,30 @@ pub(crate) fn distance(rad: f64) -> String {
     if rad > LOST { format!("more than {:.0}", 1e3 * LOST) } else { figure(1e3 * rad, 3) }
 }
 
-/// Confidence, and how often names of such confidence were right on blind cases, where there are enough of them.
+/// Confidence, and how often names of its range were right on blind cases, where there are enough of them.
 fn confidence(cause: &Cause, scores: &[Score]) -> String {
     let Some(sure) = cause.confidence else { return String::new() };
     let alike = |bin: &&Bin| bin.from <= sure && sure < bin.to;
-    let bins = scores.iter().flat_map(|score| score.confidence.iter().filter(alike));
-    let (right, all) = bins.fold((0, 0), |(right, all), bin| (right + bin.right, all + bin.count));
-    let known = if all < FEWEST_NAMES {
-        String::new()
-    } else {
-        format!(" (names of such confidence were right in {right} of {all} blind cases)")
+    let bins: Vec<&Bin> = scores.iter().flat_map(|score| score.confidence.iter().filter(alike)).collect();
+    let (right, all) = bins.iter().fold((0, 0), |(right, all), bin| (right + bin.right, all + bin.count));
+    let known = match bins.first() {
+        Some(bin) if all >= FEWEST_NAMES => {
+            format!(" (names {} were right in {right} of {all} blind cases)", range(bin.from, bin.to))
+        }
+        _ => String::new(),
     };
     format!(" Confidence {sure:.2}{known}.")
+}
+
+/// A range of confidences.
+fn range(from: f64, to: f64) -> String {
+    if to > 1.0 {
+        format!("of confidence {from} and more")
+    } else if from > 0.0 {
+        format!("of confidence {from} to {to}")
+    } else {
+        format!("of confidence below {to}")
+    }
 }
 
 #[cfg(test)]
@@ -205,7 +217,7 @@ mod tests {
             "{known}"
         );
         assert!(
-            known.contains("Confidence 0.90 (names of such confidence were right in 58 of 60 blind cases)."),
+            known.contains("Confidence 0.90 (names of confidence 0.9 to 0.97 were right in 58 of 60 blind cases)."),
             "{known}"
         );
         assert!(said(4, 4).ends_with("Confidence 0.90."), "eight names are no frequency: {}", said(4, 4));

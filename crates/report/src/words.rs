@@ -32,10 +32,12 @@ pub fn rival(name: &str) -> String {
 }
 
 /// Suffixes of magnitudes' names and the units that they stand for, longest first.
-const UNITS: [(&str, &str); 18] = [
+const UNITS: [(&str, &str); 20] = [
     ("_Nms3_rad3", "N m s\u{b3}/rad\u{b3}"),
     ("_Nms2_rad2", "N m s\u{b2}/rad\u{b2}"),
-    ("_Nms_rad_K", "N m s/rad/K"),
+    ("_Nms_rad_K", "N m s/(rad K)"),
+    ("_rad_Nm", "rad/(N m)"),
+    ("_percent", "%"),
     ("_Nms_rad", "N m s/rad"),
     ("_Nm_rad", "N m/rad"),
     ("_Nm_K", "N m/K"),
@@ -159,6 +161,34 @@ mod tests {
         let [label, unit] = <[String; 2]>::from(quantity("backwards_Nm", &document));
         assert_eq!((label.as_str(), unit.as_str()), ("backwards more than the other way by", "N m"));
         assert_eq!(quantity("coulomb_Nm", &document).0, "coulomb");
+    }
+
+    /// Every size in the tables of the manual's pages has the unit of its name.
+    #[test]
+    fn units_are_those_of_the_manual() {
+        let document = serde_json::from_str(crate::document::CONTRACT).expect("a document");
+        let pages = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/effects");
+        let mut compared = 0;
+        for page in std::fs::read_dir(pages).expect("pages of effects") {
+            let text = std::fs::read_to_string(page.expect("a page").path()).expect("text");
+            let table = text.lines().skip_while(|line| !line.starts_with("| in JSON")).skip(2);
+            for line in table.take_while(|line| line.starts_with('|')) {
+                let cells: Vec<&str> = line.split('|').map(str::trim).collect();
+                let names = cells[1].split('`').skip(1).step_by(2).filter(|name| !name.contains('.'));
+                let names: Vec<&str> = names.collect();
+                let units: Vec<&str> = cells[3].split(", ").collect();
+                for (k, name) in names.iter().enumerate() {
+                    let unit = match *units.get(k).unwrap_or(&units[0]) {
+                        "1" => "",
+                        "1/turn" => "per turn",
+                        unit => unit,
+                    };
+                    assert_eq!(quantity(name, &document).1, unit, "{name}");
+                    compared += 1;
+                }
+            }
+        }
+        assert!(compared > 50, "{compared}");
     }
 
     #[test]

@@ -19,7 +19,7 @@ use crate::numerics::parallel;
 use crate::policy::POLICY;
 
 pub(super) const ABOUT: About = About {
-    variable: [Variable::Acceleration; 2],
+    variable: [Variable::OwnTorque; 2],
     motion: "short moves that start and stop hard, with joint 1 at several angles, and rests after them",
     is_inexact: true,
     ..About::new("base_flexibility", Kind::Structure)

@@ -25,6 +25,8 @@ pub enum Variable {
     Phase,
     /// Acceleration of the joint.
     Acceleration,
+    /// Torque of the effect itself, for one that rings: no quantity of the joint at the same instant shows it.
+    OwnTorque,
     /// Temperature of the motor; residuals count along the motion.
     Temperature,
     /// Time since the run began.
@@ -48,6 +50,7 @@ impl Variable {
             Variable::Angle => ("joint angle", "rad"),
             Variable::Phase => ("place in one cycle", "rad"),
             Variable::Acceleration => ("joint acceleration", "rad/s^2"),
+            Variable::OwnTorque => ("torque of the effect", "N m"),
             Variable::Temperature => ("motor temperature", "degC"),
             Variable::Time | Variable::WarmingTime => ("time", "s"),
         }

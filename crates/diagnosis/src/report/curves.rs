@@ -124,7 +124,7 @@ pub(crate) fn curves(
         .map(|(j, size, _)| {
             let cause_torque = cause(j);
             let variable = shown.effect.variable(run.run.temperature.is_some());
-            let at = signal(variable, run, load, full, j, shown);
+            let at = signal(variable, run, load, full, (j, &cause_torque), shown);
             let speed = run.chain.sample(&run.motion.qd[j]);
             let turned = |k: usize| if variable.along_motion() { speed[k].signum() } else { 1.0 };
             let rows: Vec<Row> = (0..at.len())
@@ -181,7 +181,7 @@ fn signal(
     run: &Prepared,
     load: &[Vec<f64>],
     full: &[Vec<f64>],
-    j: usize,
+    (j, own): (usize, &[f64]),
     shown: &Shown<'_>,
 ) -> Vec<f64> {
     let motion = |of: &Vec<Vec<f64>>| run.chain.sample(&of[j]);
@@ -200,6 +200,7 @@ fn signal(
         Variable::ModelTorque => full[j].clone(),
         Variable::TorqueRate => derivative(&full[j], run.chain.row_period_s),
         Variable::MeasuredTorque => run.tau[j].clone(),
+        Variable::OwnTorque => own.to_vec(),
         Variable::Angle => motion(&run.motion.q),
         Variable::Phase => {
             let order = shown.forms.iter().find_map(|f| f.order()).unwrap_or(1.0);

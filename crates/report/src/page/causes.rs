@@ -2,6 +2,8 @@
 
 use std::fmt::Write as _;
 
+use rivet_diagnosis::Variable;
+
 use super::html::{Table, escape, facts, figure as framed};
 use super::plot::{Axis, Plot};
 use crate::document::is_contact;
@@ -142,7 +144,9 @@ fn body(cause: &Cause, document: &Document) -> String {
     if !cause.curves.is_empty() {
         let (row, more) = cause.curves.split_at(cause.curves.len().min(JOINTS_IN_ROW));
         let pictures = |curves: &[Curve]| curves.iter().map(|curve| shown(cause, curve)).collect::<String>();
-        let against = row.first().map_or_else(String::new, |first| against(cause, first));
+        let is_against_torque = |curve: &&Curve| curve.variable == Variable::OwnTorque.label().0;
+        let against =
+            row.first().filter(|c| !is_against_torque(c)).map_or_else(String::new, |first| against(cause, first));
         let _ = writeln!(out, "<div class=\"figures\">{}{against}</div>", pictures(row));
         if !more.is_empty() {
             let (names, figures) =

@@ -194,6 +194,13 @@ pub(super) fn stages(document: &Document) -> String {
         );
     }
     out.push_str("</ol>\n");
+    if stages.iter().any(|stage| stage.effect.is_some() && !stage.upheld) {
+        let _ = writeln!(
+            out,
+            "<p>The reported model leaves out what is not supported. It measures <strong>{} %</strong>.</p>",
+            percent(document.gap.after)
+        );
+    }
     out
 }
 

@@ -209,7 +209,7 @@ impl Options {
     ///
     /// # Errors
     /// If the file of setpoints cannot be read or has not all of them.
-    pub(super) fn trajectory(&self, robot: &Robot) -> Result<Box<dyn Trajectory>, SimError> {
+    pub fn trajectory(&self, robot: &Robot) -> Result<Box<dyn Trajectory>, SimError> {
         if let Some(path) = &self.setpoints {
             return Ok(Box::new(recorded(robot, path)?));
         }
