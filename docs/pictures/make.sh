@@ -33,6 +33,7 @@ if [ ! -d "$out/seed-6" ]; then rivet blind make --seed 6 --count 29 --out "$out
 for case in case-02 case-11 case-29; do # encoder offset, eccentricity and transmission error, which the sets above lack
     diagnose "$out/seed-6/$case/robot.toml" "$out/seed-6/$case/"*a.* "$out/seed-6/$case/"*b.* --json "$out/cases/seed-6-$case.json"
 done
+# No set above has base flexibility: its picture is drawn from $out/cases/base-flexibility.json, where that diagnosis was put there.
 python3 docs/pictures/draw.py "$out"
 
 # The page of a diagnosis, where there is a browser.
