@@ -81,7 +81,7 @@ fn single_rows_that_jump_spoil_no_command() {
         assert!(text.contains("position jumps by up to") && text.contains("2 of 3000 rows"), "{command}: {text}");
         if command == "diagnose" {
             assert!(
-                text.starts_with("diagnose ur5e: parameter") || text.contains("diagnose ur5e: parameter"),
+                text.starts_with("diagnose ur5e: wrong values") || text.contains("diagnose ur5e: wrong values"),
                 "{text}"
             );
         }
@@ -151,7 +151,7 @@ const READING: &str = "most probable reading";
 fn is_parameter(command: &str, text: &str) {
     assert!(!text.contains(READING), "{command}: {text}");
     if command == "diagnose" {
-        assert!(text.contains("diagnose ur5e: parameter") && text.contains("viscous_friction"), "{text}");
+        assert!(text.contains("diagnose ur5e: wrong values") && text.contains("viscous_friction"), "{text}");
     }
 }
 

@@ -299,7 +299,7 @@ fn on_their_clocks(logs: Vec<(Vec<Run>, Vec<f64>)>, live: bool) -> Vec<Run> {
 
 /// The verdict on one screen.
 fn as_text(found: &Document, scores: &[Score]) -> String {
-    let mut out = paragraph("", &format!("diagnose {}: {}", found.robot, found.verdict));
+    let mut out = paragraph("", &format!("diagnose {}: {}", found.robot, rivet_report::words::verdict(&found.verdict)));
     for line in found.lines(scores) {
         out += &paragraph(&format!("  {:<12} ", line.head), &line.text);
     }

@@ -23,18 +23,30 @@ impl Document {
     /// One line a cause, in their order: what to do, with number, unit, interval and confidence. `scores` are those of cases whose
     /// answers are known.
     pub fn actions(&self, scores: &[Score]) -> Vec<String> {
-        self.causes.iter().map(|cause| self.action(cause, scores)).collect()
+        self.actions_of(&self.causes.iter().collect::<Vec<_>>(), scores)
     }
 
-    /// The same, what takes the largest share of the gap first.
+    /// The same, missing effects before wrong values, and of these what takes the largest share of the gap first.
     pub(crate) fn actions_by_share(&self, scores: &[Score]) -> Vec<String> {
         let mut causes: Vec<&Cause> = self.causes.iter().collect();
         let share = |cause: &Cause| cause.share.unwrap_or(0.0);
-        causes.sort_by(|a, b| share(b).total_cmp(&share(a)));
-        causes.into_iter().map(|cause| self.action(cause, scores)).collect()
+        causes.sort_by(|a, b| a.is_value().cmp(&b.is_value()).then(share(b).total_cmp(&share(a))));
+        self.actions_of(&causes, scores)
     }
 
-    fn action(&self, cause: &Cause, scores: &[Score]) -> String {
+    /// How often names of a range were right is stated once a range.
+    fn actions_of(&self, causes: &[&Cause], scores: &[Score]) -> Vec<String> {
+        let mut stated: Vec<String> = Vec::new();
+        let mut lines = Vec::new();
+        for cause in causes {
+            let rate = rate(cause, scores);
+            lines.push(self.action(cause, if stated.contains(&rate) { "" } else { &rate }));
+            stated.push(rate);
+        }
+        lines
+    }
+
+    fn action(&self, cause: &Cause, rate: &str) -> String {
         let sizes = self.action_sizes(cause);
         let sizes = if sizes.is_empty() { String::new() } else { format!(": {}", sizes.join(", ")) };
         let rivals: Vec<String> = cause.indistinguishable_from.iter().map(|name| rival(name)).collect();
@@ -43,7 +55,8 @@ impl Document {
         } else {
             format!(" These logs do not separate it from {}.", rivals.join(" or "))
         };
-        format!("{}{sizes}.{}{or}", self.deed(cause), confidence(cause, scores))
+        let sure = cause.confidence.map_or_else(String::new, |sure| format!(" Confidence {sure:.2}{rate}."));
+        format!("{}{sizes}.{sure}{or}", self.deed(cause))
     }
 
     /// Verb, effect and joints.
@@ -54,7 +67,7 @@ impl Document {
             _ if is_contact(cause) => format!("Keep away what touched {on}"),
             "payload" => "Add a payload at the flange".to_owned(),
             "encoder_offset" => format!("Correct joint_zero{of}"),
-            name if Effect::ALL.iter().any(|e| e.name() == name && e.kind() == Kind::Value) => {
+            _ if cause.is_value() => {
                 format!("Set {what}{of}")
             }
             _ if cause.joints.is_empty() => format!("Add {what}"),
@@ -124,7 +137,7 @@ impl Document {
         let touched =
             if self.causes.iter().any(is_contact) { " The contact stays in it: no model holds it." } else { "" };
         let motion = format!(
-            "Residual in motion over the noise, {joint}: {} \u{2192} {}{}{kept}.{touched}",
+            "Residual in motion of {joint}: {} \u{2192} {} times the noise{}{kept}.{touched}",
             figure(*before, 2),
             figure(*after, 2),
             worse(*before, *after)
@@ -159,29 +172,28 @@ pub(crate) fn distance(rad: f64) -> String {
     if rad > LOST { format!("more than {:.0}", 1e3 * LOST) } else { figure(1e3 * rad, 3) }
 }
 
-/// Confidence, and how often names of its range were right on blind cases, where there are enough of them.
-fn confidence(cause: &Cause, scores: &[Score]) -> String {
+/// How often names of a cause's range of confidence were right on blind cases, where there are enough of them.
+fn rate(cause: &Cause, scores: &[Score]) -> String {
     let Some(sure) = cause.confidence else { return String::new() };
     let alike = |bin: &&Bin| bin.from <= sure && sure < bin.to;
     let bins: Vec<&Bin> = scores.iter().flat_map(|score| score.confidence.iter().filter(alike)).collect();
     let (right, all) = bins.iter().fold((0, 0), |(right, all), bin| (right + bin.right, all + bin.count));
-    let known = match bins.first() {
+    match bins.first() {
         Some(bin) if all >= FEWEST_NAMES => {
-            format!(" (names {} were right in {right} of {all} blind cases)", range(bin.from, bin.to))
+            format!(" ({right} of {all} names {} were right on blind cases)", range(bin.from, bin.to))
         }
         _ => String::new(),
-    };
-    format!(" Confidence {sure:.2}{known}.")
+    }
 }
 
 /// A range of confidences.
 fn range(from: f64, to: f64) -> String {
     if to > 1.0 {
-        format!("of confidence {from} and more")
+        format!("with {from} and more")
     } else if from > 0.0 {
-        format!("of confidence {from} to {to}")
+        format!("with {from} to {to}")
     } else {
-        format!("of confidence below {to}")
+        format!("with less than {to}")
     }
 }
 
@@ -217,10 +229,12 @@ mod tests {
             "{known}"
         );
         assert!(
-            known.contains("Confidence 0.90 (names of confidence 0.9 to 0.97 were right in 58 of 60 blind cases)."),
+            known.contains("Confidence 0.90 (58 of 60 names with 0.9 to 0.97 were right on blind cases)."),
             "{known}"
         );
         assert!(said(4, 4).ends_with("Confidence 0.90."), "eight names are no frequency: {}", said(4, 4));
+        let twice = actions(&[friction.clone(), friction], &[], &scores(30, 29));
+        assert!(twice[1].ends_with("Confidence 0.90."), "once a range: {}", twice[1]);
     }
 
     #[test]
@@ -279,7 +293,7 @@ mod tests {
         let line = found.result_line().expect("a line");
         assert_eq!(
             line,
-            "Residual in motion over the noise, a: 14 → 1.1; b still 2.4. Simulator in closed loop after 1 s: 141 → 0.370 mrad."
+            "Residual in motion of a: 14 → 1.1 times the noise; b still 2.4. Simulator in closed loop after 1 s: 141 → 0.370 mrad."
         );
     }
 }

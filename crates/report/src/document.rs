@@ -14,6 +14,7 @@ pub use self_check::{Power, SelfCheck};
 
 use std::collections::BTreeMap;
 
+use rivet_diagnosis::{Effect, Kind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -261,6 +262,11 @@ impl Cause {
     pub(crate) const HYSTERESIS: &str = "hysteresis_Nm";
     pub(crate) const CONSTANT: &str = "constant_Nm";
 
+    /// Whether it is a wrong value of the model, rather than an effect that the model lacks.
+    pub(crate) fn is_value(&self) -> bool {
+        Effect::ALL.iter().any(|effect| effect.name() == self.effect && effect.kind() == Kind::Value)
+    }
+
     /// Whether it stands by such a size: no effect of the list.
     pub(crate) fn is_nameless(&self) -> bool {
         [Self::POSITION_GAIN, Self::HYSTERESIS, Self::CONSTANT].iter().any(|name| self.magnitude.contains_key(*name))
@@ -307,12 +313,12 @@ impl Document {
     }
 }
 
-/// A document with no more than the contract asks for.
 /// Whether a cause is a touch from outside.
 pub(crate) fn is_contact(cause: &Cause) -> bool {
     cause.effect == "external_force"
 }
 
+/// A document with no more than the contract asks for.
 #[cfg(test)]
 pub(crate) const CONTRACT: &str = r#"{"schema": "rivet.diagnosis.v1", "robot": "r", "verdict": "effect",
             "gap": {"before": 0.3, "after": 0.1, "noise_floor": 0.05, "per_joint":

@@ -31,6 +31,16 @@ pub fn rival(name: &str) -> String {
     if value { format!("a wrong value of {}", effect(name)) } else { effect(name) }
 }
 
+/// A verdict, as it stands in JSON, in words.
+pub fn verdict(name: &str) -> String {
+    match name {
+        "effect" => "missing effect".to_owned(),
+        "several" => "several missing effects".to_owned(),
+        "parameter" => "wrong values".to_owned(),
+        other => other.replace('_', " "),
+    }
+}
+
 /// Suffixes of magnitudes' names and the units that they stand for, longest first.
 const UNITS: [(&str, &str); 20] = [
     ("_Nms3_rad3", "N m s\u{b3}/rad\u{b3}"),

@@ -1,5 +1,6 @@
 //! The details of a report: stages with the steps that are upheld, ledger, residual diagnostics, views and excerpts.
 
+use crate::effects::Kind;
 use crate::fit::prediction::Prediction;
 use crate::fit::search::Search;
 use crate::fit::stages::Stages;
@@ -39,12 +40,14 @@ impl Procedure<'_> {
             }
         };
         let load = curves::load(self.sealed, self.nominal, &self.nominal.x);
+        let missing = report.causes.iter().find(|cause| cause.effect.kind() == Kind::Structure);
+        let named = missing.map_or(&[][..], |cause| cause.joints.as_slice());
         Details {
             stages: (0..measured.models.len()).map(stage).collect(),
             ledger: details::ledger(told, &self.sealed.floor, &names),
             left: residual_tests::by_joint(self.sealed, told, &names),
             views: views::tabulate(self.sealed, told, &load, &search.first_noise, &names),
-            excerpts: curves::excerpts(self.sealed, told, &names),
+            excerpts: curves::excerpts(self.sealed, told, &names, named, &search.noise),
             parameters,
             nominal_error: search.scale,
         }

@@ -65,6 +65,8 @@ pub struct Excerpt {
     pub given: Vec<f64>,
     /// Of the model with all causes \[N·m\].
     pub with_causes: Vec<f64>,
+    /// Where the direction of friction is in doubt, from and to \[s\]: at standstill and at reversals stiction holds what no model predicts.
+    pub standstill_s: Vec<[f64; 2]>,
 }
 
 /// Torque of the bodies alone on every joint, of a run's rows.
@@ -234,8 +236,15 @@ fn travel(q: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// The stretches of the sealed run where the model as given is furthest off, on the joints where it is.
-pub(crate) fn excerpts(run: &Prepared, stages: &Stages, names: &[String]) -> Vec<Excerpt> {
+/// The stretches of the sealed run where the model as given is furthest off, on the joints where it is; one of them is among `named`,
+/// where there are such. `noise`: of the joints' torque \[N·m\].
+pub(crate) fn excerpts(
+    run: &Prepared,
+    stages: &Stages,
+    names: &[String],
+    named: &[String],
+    noise: &[f64],
+) -> Vec<Excerpt> {
     let (given, full) = (&stages.models[0], &stages.models[stages.models.len() - 1]);
     let square = |x: &mut dyn Iterator<Item = f64>| x.map(|v| v * v).sum::<f64>();
     let excess = |j: usize| {
@@ -244,6 +253,9 @@ pub(crate) fn excerpts(run: &Prepared, stages: &Stages, names: &[String]) -> Vec
     };
     let mut joints: Vec<(f64, usize)> = (0..names.len()).map(|j| (excess(j), j)).collect();
     joints.sort_by(|a, b| b.0.total_cmp(&a.0));
+    if let Some(at) = joints.iter().position(|(_, j)| named.contains(&names[*j])) {
+        joints[..=at].rotate_right(1);
+    }
     let rows = run.rows();
     let length = ((EXCERPT_S / run.chain.row_period_s).round() as usize).min(rows);
     let step = (EXCERPT_STEP_S / run.chain.row_period_s).round().max(1.0) as usize;
@@ -261,21 +273,48 @@ pub(crate) fn excerpts(run: &Prepared, stages: &Stages, names: &[String]) -> Vec
                 })
                 .unwrap_or(0);
             let cut = |x: &[f64]| x[best..best + length].iter().step_by(step).copied().collect();
+            let from_s = run.chain.sample_of(best) as f64 * run.run.period_s;
+            let step_s = step as f64 * run.chain.row_period_s;
+            let doubtful = run.doubt[*j][best..best + length].iter().step_by(step).map(|doubt| *doubt > noise[*j]);
             Excerpt {
                 joint: names[*j].clone(),
-                from_s: run.chain.sample_of(best) as f64 * run.run.period_s,
-                step_s: step as f64 * run.chain.row_period_s,
+                from_s,
+                step_s,
                 measured: cut(&stages.tau[*j]),
                 given: cut(&given[*j]),
                 with_causes: cut(&full[*j]),
+                standstill_s: spans(doubtful, from_s, step_s),
             }
         })
         .collect()
 }
 
+/// Stretches of time in which `is` holds, of samples from `from_s` on.
+fn spans(is: impl Iterator<Item = bool>, from_s: f64, step_s: f64) -> Vec<[f64; 2]> {
+    let mut spans: Vec<[f64; 2]> = Vec::new();
+    let mut before = false;
+    for (k, now) in is.enumerate() {
+        let [start, end] = [k, k + 1].map(|k| from_s + step_s * k as f64);
+        match spans.last_mut() {
+            Some(last) if now && before => last[1] = end,
+            _ if now => spans.push([start, end]),
+            _ => {}
+        }
+        before = now;
+    }
+    spans
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn spans_are_of_neighbours_that_hold() {
+        let is = [true, false, true, true, false, true];
+        assert_eq!(spans(is.into_iter(), 1.0, 0.5), [[1.0, 1.5], [2.0, 3.0], [3.5, 4.0]]);
+        assert!(spans([false].into_iter(), 0.0, 1.0).is_empty());
+    }
 
     #[test]
     fn bins_hold_every_row_once_and_in_order() {

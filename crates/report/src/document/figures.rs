@@ -93,6 +93,9 @@ pub struct Excerpt {
     pub given: Vec<f64>,
     /// Of the model with all causes.
     pub with_causes: Vec<f64>,
+    /// Standstill and reversals, where stiction holds what no model predicts: from and to \[s\].
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub standstill_s: Vec<[f64; 2]>,
 }
 
 /// One value of the model.

@@ -237,6 +237,7 @@ impl Excerpt {
             measured: shorts(&excerpt.measured),
             given: shorts(&excerpt.given),
             with_causes: shorts(&excerpt.with_causes),
+            standstill_s: excerpt.standstill_s.iter().map(|span| span.map(short)).collect(),
         }
     }
 }

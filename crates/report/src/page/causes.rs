@@ -251,17 +251,19 @@ fn excerpts(document: &Document) -> String {
 pub(super) fn key(document: &Document) -> String {
     format!(
         "<p class=\"key\"><span><i class=\"k-measured\"></i>measured</span>\
-         <span><i class=\"k-given\"></i>nominal model</span><span><i class=\"k-found\"></i>{}</span></p>\n",
+         <span><i class=\"k-given\"></i>nominal model</span><span><i class=\"k-found\"></i>{}</span>\
+         <span><i class=\"k-rest\"></i>standstill: stiction holds what no model predicts</span></p>\n",
         corrected(document)
     )
 }
 
 /// The model that is compared with the nominal one.
 fn corrected(document: &Document) -> &'static str {
-    if document.causes.is_empty() { "parameters refitted" } else { "with causes" }
+    if document.causes.is_empty() { "parameters refitted" } else { "corrected model" }
 }
 
-/// The excerpt of the joint that is furthest off in motion, over its noise: of those of the first cause, where it has joints.
+/// The excerpt of the joint that is furthest off in motion, over its noise: of those of the first missing effect, else of the first
+/// cause, where it has joints.
 pub(super) fn worst<'a>(document: &Document, figures: &'a Figures) -> Option<&'a Excerpt> {
     let off = |excerpt: &Excerpt| {
         let of = document.gap.per_joint.iter().find(|gap| gap.joint == excerpt.joint);
@@ -271,7 +273,8 @@ pub(super) fn worst<'a>(document: &Document, figures: &'a Figures) -> Option<&'a
     let furthest = |among: &dyn Fn(&Excerpt) -> bool| {
         figures.excerpts.iter().rev().filter(|e| among(e)).max_by(|a, b| off(a).total_cmp(&off(b)))
     };
-    let named = document.causes.first().map_or(&[][..], |cause| cause.joints.as_slice());
+    let missing = document.causes.iter().find(|cause| !cause.is_value());
+    let named = missing.or(document.causes.first()).map_or(&[][..], |cause| cause.joints.as_slice());
     furthest(&|excerpt| named.contains(&excerpt.joint)).or_else(|| furthest(&|_| true))
 }
 
@@ -281,15 +284,20 @@ pub(super) fn stretch(e: &Excerpt, why: &str, document: &Document) -> String {
     let x = Axis::fixed(time(0), time(e.measured.len().saturating_sub(1)));
     let y = Axis::around(e.measured.iter().chain(&e.given).chain(&e.with_causes).copied(), false);
     let mut plot = Plot::new(420.0, 230.0, x, y);
+    for [from, to] in &e.standstill_s {
+        plot.band(*from, *to);
+    }
     for (signal, class) in [(&e.given, "given"), (&e.with_causes, "found"), (&e.measured, "measured")] {
         plot.line(signal.iter().enumerate().map(|(k, v)| (time(k), *v)), class);
     }
+    let moves = |k: usize| !e.standstill_s.iter().any(|[from, to]| (*from..*to).contains(&time(k)));
     let rms = |model: &[f64]| {
-        let square: f64 = e.measured.iter().zip(model).map(|(a, b)| (a - b).powi(2)).sum();
-        (square / e.measured.len().max(1) as f64).sqrt()
+        let moving = e.measured.iter().zip(model).enumerate().filter(|(k, _)| moves(*k));
+        let (square, count) = moving.fold((0.0, 0), |(sum, n), (_, (a, b))| (sum + (a - b).powi(2), n + 1));
+        f64::sqrt(square / f64::from(count.max(1)))
     };
     let said = format!(
-        "{}{why}: residual {} N m rms, {} {} N m",
+        "{}{why}: residual in motion {} N m rms, {} {} N m",
         e.joint,
         figure(rms(&e.given), 3),
         corrected(document),

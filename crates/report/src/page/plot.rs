@@ -93,6 +93,20 @@ impl Plot {
         let _ = write!(self.body, "<path class=\"{class}\" d=\"{path}\"/>");
     }
 
+    /// A band over the whole height from `from` to `to`.
+    pub(crate) fn band(&mut self, from: f64, to: f64) {
+        let (low, high) = (self.x.low.max(from), self.x.high.min(to));
+        if high > low {
+            let ((a, _), (b, _)) = (self.at(low, 0.0), self.at(high, 0.0));
+            let tall = self.height - BOTTOM - TOP;
+            let _ = write!(
+                self.body,
+                "<rect class=\"band\" x=\"{a:.1}\" y=\"{TOP}\" width=\"{:.1}\" height=\"{tall}\"/>",
+                b - a
+            );
+        }
+    }
+
     pub(crate) fn dot(&mut self, x: f64, y: f64) {
         let (x, y) = self.at(x, y);
         let _ = write!(self.body, "<circle class=\"dot\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"2.6\"/>");

@@ -23,7 +23,7 @@ pub(super) fn top(document: &Document, scores: &[Score]) -> String {
         lines.iter().map(each).collect::<String>()
     };
     let torque = document.figures.as_ref().and_then(|figures| worst(document, figures));
-    let torque = torque.map(|excerpt| stretch(excerpt, ", where the nominal model is furthest off", document));
+    let torque = torque.map(|excerpt| stretch(excerpt, ", where the nominal model is far off", document));
     let rollout = document.rollout.as_ref().filter(|rollout| rollout.points.len() > 1).map(errors);
     let pictures: String = [torque, rollout].into_iter().flatten().collect();
     let pictures = if pictures.is_empty() {
@@ -47,7 +47,12 @@ pub(super) fn top(document: &Document, scores: &[Score]) -> String {
     };
     let before = list(&[first, &result].concat());
     let open = if open.is_empty() { String::new() } else { format!("<dl class=\"verdict\">{}</dl>\n", list(&open)) };
-    format!("<dl class=\"verdict\" aria-label=\"Verdict\">{before}</dl>\n{pictures}{more}{open}{behind}")
+    let note = if first.iter().any(|line| line.text.contains('[')) {
+        "<p class=\"soft\">In brackets: 90 % interval of the size. The confidence is that of the name.</p>\n"
+    } else {
+        ""
+    };
+    format!("<dl class=\"verdict\" aria-label=\"Verdict\">{before}</dl>\n{note}{pictures}{more}{open}{behind}")
 }
 
 /// Error of both simulators by time since the start.
@@ -62,7 +67,7 @@ fn errors(rollout: &Rollout) -> String {
     plot.line(points.iter().map(|p| (p.horizon_s, mrad(p.position_after_rad))), "found");
     let said = points.last().map_or_else(String::new, |end| {
         format!(
-            "Simulator in closed loop, {} starts: after {} s off by {} mrad, with causes {} mrad",
+            "Simulator in closed loop, {} starts: after {} s off by {} mrad, corrected model {} mrad",
             rollout.starts,
             end.horizon_s,
             distance(end.position_before_rad),
