@@ -420,6 +420,10 @@ impl Core {
     /// Takes in a sample that will not be answered, because a newer one is at hand: its torques are worth remembering, and what is
     /// wrong with it is wrong with the arm.
     pub fn observe(&mut self, sample: &JointState) {
+        // One that comes twice, or after a newer one, says nothing that is new.
+        if self.observed_seq.is_some_and(|seen| sample.seq <= seen) {
+            return;
+        }
         if let Some(wrong) = self.watch.numbers(sample).or_else(|| self.screen(sample)) {
             self.passed_wrong = Some(wrong);
         }
@@ -427,6 +431,10 @@ impl Core {
 
     /// Checks a sample whose numbers are valid, and remembers its torques if nothing is wrong with it.
     fn screen(&mut self, sample: &JointState) -> Option<Wrong> {
+        // Screened already, as one of those before the newest: what was wrong with it is remembered.
+        if self.observed_seq == Some(sample.seq) {
+            return None;
+        }
         let n = self.dof;
         let plan = self.plan.filter(|_| self.following).map(|(_, plan)| plan);
         let command = *self.output.last();
@@ -502,7 +510,7 @@ impl Core {
                 self.wrong.get_or_insert(Wrong { cause: StopCause::OldSamples, joints: 0, lasting: false });
                 return Err(Skipped::Stale);
             }
-            self.last_seq = None;
+            (self.last_seq, self.observed_seq) = (None, None);
             self.newest = Newest::default();
             self.plan = None;
             self.recent.restart();

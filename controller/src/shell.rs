@@ -324,6 +324,10 @@ impl Loop {
         for _ in 0..CATCH_UP {
             // A port that fails has no message: the stop reaction follows.
             let Some(sample) = self.ports.states.receive(now).ok().flatten() else { break };
+            // One that comes twice, or after a newer one, is dropped. Where the robot controller began anew, its next sample shows it.
+            if newest.as_ref().is_some_and(|newest| sample.seq <= newest.seq) {
+                continue;
+            }
             if let Some(older) = newest.replace(sample) {
                 self.core.observe(&older);
             }

@@ -283,6 +283,32 @@ fn one_frozen_encoder_is_stopped() {
 }
 
 #[test]
+fn a_frozen_encoder_that_flickers_is_stopped() {
+    check_from_visible(Wrong::Flickers, &[StopCause::Frozen, StopCause::NoResponse]);
+}
+
+/// A robot controller that sends each sample twice: neither sound motion nor a frozen encoder looks otherwise.
+#[test]
+fn samples_that_come_twice_hide_nothing() {
+    for (arm, joints, phases) in ARMS {
+        for period_s in PERIODS {
+            let doubled = || {
+                let mut rig = Rig::new(arm, period_s, "", SHARE);
+                rig.doubled = true;
+                rig
+            };
+            let o = doubled().run(5.0, Wrong::Nothing, 0.1, |_, _| ());
+            assert_eq!(o.stops, 0, "{arm} {period_s} s: {o:?}");
+            for &joint in joints {
+                let once = Rig::new(arm, period_s, "", SHARE).run(phases[0], Wrong::Frozen(joint), AFTER_S, |_, _| ());
+                let twice = doubled().run(phases[0], Wrong::Frozen(joint), AFTER_S, |_, _| ());
+                assert_eq!(once.stop, twice.stop, "{arm} {period_s} s, joint {joint}");
+            }
+        }
+    }
+}
+
+#[test]
 fn an_encoder_that_counts_backwards_is_stopped() {
     let causes = [StopCause::NoResponse, StopCause::EncoderJump, StopCause::TooFast];
     check_from_visible(Wrong::Backwards, &causes);

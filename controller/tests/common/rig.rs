@@ -172,6 +172,8 @@ pub(crate) enum Wrong {
     AllFrozen,
     /// One position.
     Frozen(usize),
+    /// One position, which flickers by an encoder step.
+    Flickers(usize),
     /// One position is counted backwards from where it is.
     Backwards(usize),
     /// One position has the other sign.
@@ -231,6 +233,8 @@ pub(crate) struct Rig {
     motion: Motion,
     /// Every so many samples one is lost.
     pub(crate) lossy: Option<u64>,
+    /// Each sample comes twice.
+    pub(crate) doubled: bool,
     /// Encoders are read every so many samples.
     pub(crate) refresh: u64,
     /// Added to the numbers of setpoints from the first wrong one on.
@@ -277,6 +281,7 @@ impl Rig {
             acting: [0.0; MAX_JOINTS],
             states: Vec::new(),
             lossy: None,
+            doubled: false,
             refresh: 1,
             leap: 0,
             leaping: 0,
@@ -350,6 +355,9 @@ impl Rig {
             Wrong::Repeated => seen = *before,
             Wrong::AllFrozen => (seen.q, seen.tau) = (before.q, before.tau),
             Wrong::Frozen(j) => seen.q[j] = before.q[j],
+            Wrong::Flickers(j) => {
+                seen.q[j] = before.q[j] + f64::from(k as u32 % 2) * self.robot.config.drive.encoder_resolution[j];
+            }
             Wrong::Backwards(j) => seen.q[j] = 2.0 * before.q[j] - sample.q[j],
             Wrong::Negative(j) => seen.q[j] = -sample.q[j],
             Wrong::Scaled(j, factor) => seen.q[j] = before.q[j] + factor * (sample.q[j] - before.q[j]),
@@ -386,6 +394,9 @@ impl Rig {
         [setpoint.q, setpoint.qd, setpoint.qdd] = *plan;
         if !self.planless {
             self.core.offer_setpoint(&setpoint);
+        }
+        if let Some(seen) = seen.filter(|_| self.doubled) {
+            self.core.observe(&seen);
         }
         let answered = seen.and_then(|seen| self.core.tick(&seen).ok());
         let command = answered.or_else(|| self.core.missing(lost + 1));

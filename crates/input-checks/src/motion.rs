@@ -59,8 +59,10 @@ struct Joint {
     q: f64,
     /// Change in the last period.
     step: f64,
-    /// Identical readings in a row.
+    /// Identical readings in a row: all within `band` of the first of them, which is `anchor` \[rad\].
     same: u32,
+    anchor: f64,
+    band: f64,
     /// The run began at speed while the plan went on.
     abrupt: bool,
     /// Where the plan was when the run began.
@@ -145,7 +147,7 @@ impl MotionCheck {
         for (j, joint) in self.joints.iter_mut().enumerate().take(self.dof) {
             expected[j] = if jumped >> j & 1 == 1 { joint.q + joint.step } else { q[j] };
             joint.step = expected[j] - joint.q;
-            (joint.q, joint.same) = (expected[j], 0);
+            (joint.q, joint.anchor, joint.same) = (expected[j], expected[j], 0);
         }
         self.window.push(&expected[..self.dof], command);
     }
@@ -313,6 +315,13 @@ struct Before {
 }
 
 impl Before {
+    /// How far apart readings may be that count as identical \[rad\]: an encoder that is frozen may flicker by a few steps. Only where the
+    /// joint would move by more than that from one sample to the next; else a slow joint would count as frozen.
+    fn band(&self) -> f64 {
+        let flicker = NOISE_STEPS * self.resolution;
+        if self.speed.abs() * self.period_s > 2.0 * flicker { flicker } else { 0.0 }
+    }
+
     /// Whether the joint moved at a steady speed: `last` is its way in the last period. One that comes to rest is slower there.
     fn steady(&self, last: f64) -> bool {
         let speed = self.speed.abs();
@@ -325,13 +334,17 @@ impl Before {
 impl Joint {
     /// Counts identical readings, `lost` samples after the last. `plan` is position and velocity of the plan.
     fn read(&mut self, q: f64, lost: u64, first: bool, plan: Option<(f64, f64)>, before: &Before) {
-        if !first && q == self.q {
+        if self.same == 0 {
+            (self.anchor, self.band) = (self.q, before.band());
+        }
+        if !first && (q - self.anchor).abs() <= self.band {
             if self.same == 0 {
                 self.error_before = self.model_error;
                 let goes_on = plan.is_some_and(|(_, qd)| qd * before.speed.signum() > 0.5 * before.speed.abs());
                 self.abrupt = goes_on && before.steady(self.step);
             }
             self.same = self.same.saturating_add(1).saturating_add(lost as u32);
+            self.q = q;
             return;
         }
         self.step = if first { 0.0 } else { (q - self.q) / (lost + 1) as f64 };
