@@ -12,7 +12,7 @@ use crate::fleet::{self, FleetArgs};
 use crate::live;
 use crate::map::MapArgs;
 use crate::outputs::Outputs;
-use crate::table::show;
+use crate::table::show_verdict;
 
 /// Arguments of `rivet diagnose`.
 #[derive(Debug, clap::Args)]
@@ -102,7 +102,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     if let Some(path) = &args.html {
         rivet_files::write_whole(path, found.html()?).with_context(|| path.display().to_string())?;
     }
-    show(&found.text()?)?;
+    show_verdict(&found.text()?)?;
     exported?;
     checked?;
     Ok(ExitCode::from(match found.verdict() {

@@ -18,6 +18,38 @@ pub(crate) fn show(text: &str) -> std::io::Result<()> {
     rivet_files::print(&rivet_files::Printable(text).to_string())
 }
 
+/// Columns of the words at the left of a verdict's lines.
+const HEAD: std::ops::Range<usize> = 2..14;
+
+/// The same for a verdict: the words at its left are bold where standard output is a terminal that has styles and `NO_COLOR` is not set.
+///
+/// # Errors
+/// As of [`show`].
+pub(crate) fn show_verdict(text: &str) -> std::io::Result<()> {
+    let printable = rivet_files::Printable(text).to_string();
+    if anstream::AutoStream::choice(&std::io::stdout()) == anstream::ColorChoice::Never {
+        return rivet_files::print(&printable);
+    }
+    rivet_files::print(&with_bold_heads(&printable))
+}
+
+/// The first line and the words at the left of the lines after it in bold.
+fn with_bold_heads(text: &str) -> String {
+    let bold = anstyle::Style::new().bold();
+    let mut out = String::with_capacity(text.len() + 256);
+    for (k, line) in text.split_inclusive('\n').enumerate() {
+        let is_head = |head: &str| head.starts_with(|c: char| c.is_ascii_uppercase());
+        match (line.get(HEAD), line.get(HEAD.end..)) {
+            _ if k == 0 => out.extend([format!("{bold}{}{bold:#}", line.trim_end()), "\n".to_owned()]),
+            (Some(head), Some(rest)) if is_head(head) && line.starts_with("  ") => {
+                out.extend([format!("  {bold}{head}{bold:#}"), rest.to_owned()]);
+            }
+            _ => out.push_str(line),
+        }
+    }
+    out
+}
+
 /// The same where a reader that has seen enough ends the command.
 ///
 /// # Errors
@@ -33,4 +65,16 @@ pub(crate) use rivet_files::print as show_picture;
 /// Writes a value as JSON to standard output: what `--json` of a command without a file is for.
 pub(crate) fn show_json(value: &impl serde::Serialize) -> Result<()> {
     Ok(show(&rivet_files::printable_json(serde_json::to_string_pretty(value)? + "\n"))?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn heads_of_a_verdict_are_bold_and_its_tables_are_plain() {
+        let text = "diagnose a: no gap\n  Do           Set it\n               and more\n  joint_1            0.1\n";
+        let bold = "\u{1b}[1mdiagnose a: no gap\u{1b}[0m\n  \u{1b}[1mDo          \u{1b}[0m Set it\n               and more\n  joint_1            0.1\n";
+        assert_eq!(with_bold_heads(text), bold);
+    }
 }

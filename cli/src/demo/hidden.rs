@@ -126,7 +126,7 @@ pub(super) fn diagnose(files: &Files, shutdown: &Shutdown) -> Result<Document> {
         .stderr(output_file(&messages)?)
         .spawn()
         .context("cannot start rivet diagnose")?;
-    let mut progress = DiagnosisProgress::new("diagnosing the recorded run");
+    let mut progress = DiagnosisProgress::new("diagnosis");
     let mut lines = 0;
     let begin = Instant::now();
     let ended = loop {

@@ -189,6 +189,10 @@ fn demonstrate(args: &Args) -> Result<ExitCode> {
     let true_robot = hidden.robot_file(&robot, &robot_file, &folder)?;
     let files = Files { robot: robot_file, true_robot, truth, log, verdict, patched, folder };
     let bus = private.config();
+    if args.keep.is_some() {
+        let [robot, root] = [&files.robot, &bus.root].map(|path| path.display().to_string());
+        show(&format!("watch it with: rivet monitor {robot} --prefix {} --root {root}\n", bus.prefix))?;
+    }
     let mut sim = sim(args, &files, bus);
     let [truth, run] = [&files.truth, &files.log].map(|path| path.to_string_lossy().into_owned());
     sim.extend(["--truth-out", &truth, "--log-out", &run].map(str::to_owned));

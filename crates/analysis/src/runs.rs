@@ -75,6 +75,13 @@ pub fn load_robot(path: &Path, entries: &[String]) -> Result<Robot> {
 
 /// That a recording stands where a description of the arm has to; none where `path` is no recording.
 pub(crate) fn wrong_order(path: &Path, order: &str) -> Option<anyhow::Error> {
+    if path.extension().is_some_and(|end| end.eq_ignore_ascii_case("urdf")) {
+        let why = format!(
+            "{0}: is a URDF; this command needs a robot file, which `rivet new {0} LOG -o robot.toml` makes of it",
+            path.display()
+        );
+        return Some(Fault::Usage(why).into());
+    }
     let format = recognized_format(path)?;
     let why = format!("{}: is a log ({format}), where the arm is expected; the order is {order}", path.display());
     Some(Fault::Usage(why).into())

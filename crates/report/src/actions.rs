@@ -1,7 +1,5 @@
 //! What to do about a diagnosis, cause by cause, and what it brings.
 
-use rivet_diagnosis::{Effect, Kind};
-
 use crate::document::{Cause, Document, JointGap, Parameter, is_contact};
 use crate::scores::{Bin, Score};
 use crate::words::{effect, figure, joints_in_short, parameter_label, printed_unit, quantity_of, rival};

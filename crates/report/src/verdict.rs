@@ -293,21 +293,27 @@ impl Document {
         open.extend(self.left_out.iter().map(|what| format!("{what}: no solution")));
         let nothing_missing = self.verdict == "no_gap";
         if let Some(share) = self.unexplained_share.filter(|s| *s >= WORTH_NAMING && !nothing_missing) {
-            open.push(match (self.is_fitted(), self.verdict.as_str()) {
-                _ if self.causes.iter().any(is_contact) => format!(
+            open.extend(match (self.is_fitted(), self.verdict.as_str()) {
+                _ if self.causes.iter().any(is_contact) => Some(format!(
                     "{:.0} % of the squared gap above the noise stays, the contact's torque with it: no model holds that",
                     100.0 * share
-                ),
-                (true, "unexplained") => format!(
+                )),
+                (true, "unexplained") => Some(format!(
                     "{:.0} % of the squared gap above the noise stays unexplained, at rest or at reversals: in motion the joints \
                      reach the noise floor",
                     100.0 * share
-                ),
+                )),
                 // A right model leaves this, too: a share of it would read as a cause that is missing.
-                (true, _) => "in motion the joints reach the noise floor; at rest and at reversals stiction holds a part of the \
-                              torque that no model predicts"
-                    .to_owned(),
-                (false, _) => format!("{:.0} % of the squared gap above the noise stays unexplained", 100.0 * share),
+                (true, _) => Some(
+                    "in motion the joints reach the noise floor; at rest and at reversals stiction holds a part of the torque \
+                     that no model predicts"
+                        .to_owned(),
+                ),
+                (false, "unexplained") => {
+                    Some(format!("{:.0} % of the squared gap above the noise stays unexplained", 100.0 * share))
+                }
+                // Of a diagnosis that named what it found the share is mostly torque at rest. The joints that are left in motion follow.
+                (false, _) => None,
             });
         }
         let open_gap = self.unexplained_share.is_some_and(|share| share >= CREEPING) && !nothing_missing;
