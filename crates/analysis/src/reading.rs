@@ -160,7 +160,7 @@ fn spoils(reading: &Reading) -> bool {
         |fault: &Fault| !matches!(fault, TorqueSign(Of::Joint(_)) | TorqueScale(..) | Mounting(_) | BeyondLimit(..));
     match reading.state {
         _ if !reading.faults.is_empty() => reading.faults.iter().any(of_all),
-        state => matches!(state, ArmState::FileUnit(_) | ArmState::Computed),
+        state => matches!(state, ArmState::FileUnit(_) | ArmState::Computed | ArmState::Commanded),
     }
 }
 

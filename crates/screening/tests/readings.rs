@@ -411,11 +411,28 @@ fn names_what_the_arm_is_like() {
         let robot = Robot::new(&mut random);
         let mut x = robot.off(&mut random);
         let at_motor = Log::new(&robot, &x, &mut random);
-        assert!(top(&robot, &at_motor).is_sound());
+        let found = top(&robot, &at_motor);
+        assert!(found.is_sound(), "{seed}: {found:?}");
         x[60..78].fill(0.0);
         let behind_gear = Log::new(&robot, &x, &mut random);
         let found = top(&robot, &behind_gear);
         assert_eq!(found.name(), "link_side_sensor", "{seed}: {found:?}");
+    }
+}
+
+/// A driver's external torque is what its model of the arm misses.
+#[test]
+fn names_torque_that_the_model_is_subtracted_from() {
+    for seed in 0..4 {
+        let mut random = Random(4100 + seed);
+        let robot = Robot::new(&mut random);
+        let x = robot.off(&mut random);
+        let missed: Vec<f64> = x.iter().zip(&robot.nominal).map(|(x, nominal)| x - nominal).collect();
+        let log = Log::new(&robot, &missed, &mut random);
+        let found = robot.screen(&log).expect("motion");
+        assert_eq!(found.finding().map(Reading::name), Some("external_torque"), "{seed}: {:?}", words(&found));
+        let whole = Log::new(&robot, &x, &mut random);
+        assert_eq!(robot.screen(&whole).expect("motion").finding(), None, "{seed}");
     }
 }
 
