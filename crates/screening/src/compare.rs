@@ -442,7 +442,9 @@ impl Comparison<'_> {
         let mut found = self.states(design, &sums, &states, (&all, log_prior));
         found.extend(of_exact_gravity);
         // The two models of gravity share the prior.
-        found.iter_mut().for_each(|weighed| weighed.log -= std::f64::consts::LN_2);
+        for weighed in &mut found {
+            weighed.log -= std::f64::consts::LN_2;
+        }
         found
     }
 }
