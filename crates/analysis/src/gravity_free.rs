@@ -119,11 +119,13 @@ fn by_physics<'a>(robot: &Robot, logs: impl IntoIterator<Item = &'a PathBuf>) ->
     }
 }
 
-/// Probability that a log's torque is without gravity, and its channels right in all else but what a drive's limit cuts off; none below
-/// 0.95.
+/// Probability that a log's torque is without gravity, and its channels right in all else but what a drive's limit cuts off and a delay
+/// of about a sample; none below 0.95.
 pub(crate) fn probability(found: &Screening) -> Option<f64> {
     let is_it = |reading: &&Reading| {
-        let known = |fault: &LogReading| matches!(fault, LogReading::WithoutGravity | LogReading::BeyondLimit(..));
+        let known = |fault: &LogReading| {
+            matches!(fault, LogReading::WithoutGravity | LogReading::BeyondLimit(..)) || fault.is_slight()
+        };
         reading.faults.contains(&LogReading::WithoutGravity) && reading.faults.iter().all(known)
     };
     let sum: f64 = found.readings.iter().filter(is_it).map(|reading| reading.probability).sum();

@@ -22,12 +22,27 @@ pub(crate) struct Scope<'a> {
     pub(crate) touches: &'a [usize],
     /// Factor of each joint's torque that comes nearest to the model's; none where the two are not alike.
     pub(crate) factors: &'a [Option<f64>],
-    /// Factors of all torques that are found together with the values of the arm; none where the torque shows nothing.
-    pub(crate) each_factor: &'a [Option<f64>],
+    /// Factors of all torques that are found together with the values of the arm.
+    pub(crate) each_factor: &'a EachFactor,
     /// Torque limits \[N m\], finite.
     pub(crate) limit: &'a [f64],
     /// Limit of each torque that exceeds it in some rows \[N m\].
     pub(crate) exceeded: &'a [Option<f64>],
+}
+
+/// Factors of all torques that are found together with the values of the arm.
+pub(crate) struct EachFactor {
+    /// None where the torque shows nothing.
+    pub(crate) factors: Vec<Option<f64>>,
+    /// Log likelihood ratio over a torque that has nothing of the arm.
+    pub(crate) gains: Vec<f64>,
+}
+
+impl EachFactor {
+    /// The factor of one torque; none where it explains no more than its freedom costs.
+    fn shown(&self, j: usize, freedom: f64) -> Option<f64> {
+        self.factors[j].filter(|_| self.gains[j] + freedom.ln() > 0.0)
+    }
 }
 
 /// A factor nearer to 1 than this is a wrong value of the file (a torque constant), not a unit.
@@ -94,14 +109,15 @@ impl Scope<'_> {
     fn scales(&self) -> Vec<(Fault, f64)> {
         let freedom = p::FACTOR_WIDTH / p::FACTOR_SPAN;
         let far = |factor: &f64| !(1.0 / MIN_FACTOR..MIN_FACTOR).contains(factor);
-        let one = |j: usize| self.factors[j].or(self.each_factor[j]).filter(far).map(|factor| (j, factor));
+        let one =
+            |j: usize| self.factors[j].or(self.each_factor.shown(j, freedom)).filter(far).map(|factor| (j, factor));
         let mut list: Vec<(Fault, f64)> = (0..self.joints)
             .filter_map(one)
             .map(|(j, factor)| (Fault::TorqueScale(j, factor), p::ONE_TORQUE_SCALE * freedom / self.joints as f64))
             .collect();
-        let known = || self.each_factor.iter().flatten();
+        let known = || self.each_factor.factors.iter().flatten();
         if let Some(share) = self.each_share().filter(|_| known().filter(|f| far(f)).count() * 2 > known().count()) {
-            let factors = self.each_factor.iter().map(|f| f.unwrap_or(1.0)).collect();
+            let factors = self.each_factor.factors.iter().map(|f| f.unwrap_or(1.0)).collect();
             list.push((Fault::TorqueScales(factors), p::EACH_TORQUE_SCALE * freedom * share));
         }
         list
@@ -109,7 +125,8 @@ impl Scope<'_> {
 
     /// Probability of the factors of all torques beside the one that they share; none of less than two.
     fn each_share(&self) -> Option<f64> {
-        let full_scales = self.each_factor.iter().zip(self.limit).filter_map(|(f, limit)| Some(((*f)? / limit).ln()));
+        let full_scales =
+            self.each_factor.factors.iter().zip(self.limit).filter_map(|(f, limit)| Some(((*f)? / limit).ln()));
         let full_scales: Vec<f64> = full_scales.collect();
         let mean = full_scales.iter().sum::<f64>() / full_scales.len().max(1) as f64;
         let density = |x: &f64| {

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use rivet_dynamics::{JointKind, Parameter};
 
 use crate::arm_state::{ArmState, FileUnit, RobotFile, ValuePrior};
-use crate::candidates::Scope;
+use crate::candidates::{EachFactor, Scope};
 use crate::fault::{Fault, Missing, View};
 use crate::priors as p;
 use crate::regression::{Design, Evidence, Sums, largest_gravity};
@@ -44,7 +44,7 @@ impl Screening {
         let best = self.readings.first()?;
         let is_usable = |r: &Reading| {
             // What a limit cuts off is an effect of the drive, of which a diagnosis says how large it is.
-            let none = r.faults.iter().all(|fault| matches!(fault, Fault::BeyondLimit(..)));
+            let none = r.faults.iter().all(|fault| matches!(fault, Fault::BeyondLimit(..)) || fault.is_slight());
             none && (r.state.is_sound() || r.state == ArmState::OtherArm)
         };
         let unsound: f64 = self.readings.iter().filter(|r| !is_usable(r)).map(|r| r.probability).sum();
@@ -359,17 +359,19 @@ impl Comparison<'_> {
     }
 
     /// Factors of all torques and values of the arm, in turns; none where a torque shows nothing.
-    fn each_factor(&self, (base, design, like): (&View, &Design, &Sums)) -> Vec<Option<f64>> {
+    fn each_factor(&self, (base, design, like): (&View, &Design, &Sums)) -> EachFactor {
         let mut factors = like.size_ratios(&self.with_friction());
+        let mut gains = vec![0.0; factors.len()];
         for _ in 0..FACTOR_STEPS {
             let all: Vec<f64> = factors.iter().map(|f| f.filter(|f| *f > 0.0).unwrap_or(1.0)).collect();
             let sums = self.sums(design, &base.with(&Fault::TorqueScales(all)), Some((like, base)));
             let Some(values) = self.values(design, &sums) else { break };
+            gains = sums.factor_gains(&values);
             for (factor, step) in factors.iter_mut().zip(sums.free_factors(&values)) {
                 *factor = factor.zip(step).map(|(factor, step)| factor * step).or(*factor);
             }
         }
-        factors
+        EachFactor { factors, gains }
     }
 
     /// The view with values whose torque gives unsigned torques their sign: values and signs in turns, from two starts.
@@ -449,6 +451,14 @@ impl Comparison<'_> {
     }
 }
 
+/// Whether two sets of faults are one reading: a slight delay beside others is no other one.
+fn is_same(a: &[Fault], b: &[Fault]) -> bool {
+    let wrong = |faults: &[Fault]| faults.iter().filter(|fault| !fault.is_slight()).cloned().collect::<Vec<Fault>>();
+    let alike = |a: &[Fault], b: &[Fault]| a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.is_alike(b));
+    let (wrong_a, wrong_b) = (wrong(a), wrong(b));
+    alike(a, b) || !wrong_a.is_empty() && alike(&wrong_a, &wrong_b)
+}
+
 /// Probabilities of all, summed over the states of the arm beside each set of faults; the log as it is stays apart by state.
 fn ranked(pool: Vec<Weighed>, residual: Vec<f64>, as_given: Vec<f64>) -> Screening {
     let compared = pool.len();
@@ -459,7 +469,6 @@ fn ranked(pool: Vec<Weighed>, residual: Vec<f64>, as_given: Vec<f64>) -> Screeni
     order.sort_by(|a, b| b.log.total_cmp(&a.log));
     for weighed in order {
         let probability = (weighed.log - most).exp() / total;
-        let is_same = |a: &[Fault], b: &[Fault]| a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.is_alike(b));
         let same = |r: &&mut Reading| !weighed.faults.is_empty() && is_same(&r.faults, &weighed.faults);
         if let Some(reading) = readings.iter_mut().find(same) {
             reading.probability += probability;

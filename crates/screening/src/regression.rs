@@ -238,6 +238,19 @@ impl Sums {
         self.joints.iter().map(of).collect()
     }
 
+    /// Log likelihood ratio of each torque as the arm's of the values `x`, times the most likely factor, over a torque that has nothing of
+    /// the arm: a channel of noise.
+    pub(crate) fn factor_gains(&self, x: &[f64]) -> Vec<f64> {
+        let of = |sums: &Option<JointSums>| {
+            let Some(sums) = sums.as_ref() else { return 0.0 };
+            let x = padded(x, sums.cross.len());
+            let (common, square) = (sums.cross.dot(&x).max(0.0), x.dot(&(&*sums.gram * &x)));
+            let explained = (common * common / (square * sums.square).max(f64::MIN_POSITIVE)).min(1.0);
+            -0.5 * counted(sums) * (1.0 - explained).max(f64::EPSILON).ln()
+        };
+        self.joints.iter().map(of).collect()
+    }
+
     /// Rms of the torque of the values `x` over that of the torque as read; none where there is none.
     pub(crate) fn size_ratios(&self, x: &[f64]) -> Vec<Option<f64>> {
         let of = |sums: &Option<JointSums>| {
@@ -282,7 +295,6 @@ impl Sums {
         let scaled: Vec<Option<Scaled>> =
             self.joints.iter().map(|sums| sums.as_ref().map(|sums| Scaled::new(sums, prior, &mean, &free))).collect();
         let floor = |s: &JointSums| (prior.inadequacy * s.size).powi(2).max(f64::MIN_POSITIVE);
-        let counted = |s: &JointSums| s.rows * COARSENING / (s.rows + COARSENING);
         let pairs = || self.joints.iter().zip(&scaled).filter_map(|(a, b)| a.as_ref().zip(b.as_ref()));
         let mut variance: Vec<f64> =
             pairs().map(|(s, c)| floor(s).max((c.square / s.rows).min(0.1 * s.size * s.size))).collect();
@@ -334,6 +346,11 @@ impl Sums {
         free.iter().zip(z.iter()).for_each(|(c, z)| x[*c] += prior.spread[*c] * z);
         log.is_finite().then_some((Evidence { log, residual, values: Vec::new(), possible_gain }, x, 0.0))
     }
+}
+
+/// Independent rows that a joint's likelihood is worth.
+fn counted(sums: &JointSums) -> f64 {
+    sums.rows * COARSENING / (sums.rows + COARSENING)
 }
 
 /// Sums of a joint in units of the prior's deviations, about its mean.

@@ -462,6 +462,22 @@ fn commands_beyond_the_limit_are_no_other_unit() {
     }
 }
 
+/// A channel of noise has nothing of the arm, so that it has no unit of it either.
+#[test]
+fn reads_no_unit_from_noise() {
+    for seed in 0..6 {
+        let mut random = Random(610 + seed);
+        let robot = Robot::new(&mut random);
+        let x = robot.off(&mut random);
+        let mut log = Log::new(&robot, &x, &mut random);
+        let (j, size) = (random.below(3), random.between(0.03, 0.4));
+        log.tau[j].iter_mut().for_each(|tau| *tau = size * robot.limit[j] * random.normal());
+        let found = robot.screen(&log).expect("motion");
+        let units = found.readings.iter().filter(|r| r.name() == "torque_unit").map(|r| r.probability);
+        assert!(units.sum::<f64>() < 0.5, "{seed}: {:?}", words(&found));
+    }
+}
+
 /// Bodies that the URDF does not have are a guess; a log that shows others is no log to be read otherwise.
 #[test]
 fn bodies_that_are_unknown_are_no_other_reading() {
