@@ -119,13 +119,15 @@ fn by_physics<'a>(robot: &Robot, logs: impl IntoIterator<Item = &'a PathBuf>) ->
     }
 }
 
-/// Probability that a log's torque is without gravity, and its channels right in all else but what a drive's limit cuts off; none below
-/// 0.95.
+/// Probability that a log's torque is without gravity, summed over all readings that say so; none below 0.95, or where the most probable one
+/// has another fault than analyses deal with by themselves (what a drive's limit cuts off, a delay of about a sample). The log is read
+/// again with the arm without gravity, which finds other faults.
 pub(crate) fn probability(found: &Screening) -> Option<f64> {
-    let is_it = |reading: &&Reading| {
-        let known = |fault: &LogReading| matches!(fault, LogReading::WithoutGravity | LogReading::BeyondLimit(..));
-        reading.faults.contains(&LogReading::WithoutGravity) && reading.faults.iter().all(known)
+    let is_it = |reading: &&Reading| reading.faults.contains(&LogReading::WithoutGravity);
+    let is_known = |fault: &LogReading| {
+        matches!(fault, LogReading::WithoutGravity | LogReading::BeyondLimit(..)) || fault.is_slight()
     };
+    found.readings.first().filter(|best| best.faults.iter().all(is_known))?;
     let sum: f64 = found.readings.iter().filter(is_it).map(|reading| reading.probability).sum();
     (sum >= SURE).then_some(sum.min(1.0))
 }

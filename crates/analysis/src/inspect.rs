@@ -204,9 +204,8 @@ pub fn meaning(robot: &Robot, recording: &Path) -> Result<Option<(&'static str, 
     let log = log.by_its_positions().without_crowds();
     let Some(found) = reading::compare(robot, &log) else { return Ok(None) };
     let best = most_probable(&found, |reading| {
-        // Of the states of the arm two say what the torque is; the others are of the file.
-        let state = if is_of_torque(reading) { reading.state } else { ArmState::Nominal };
-        Reading { state, probability: 0.0, residual: Vec::new(), ..reading.clone() }
+        let faults = reading.faults.iter().filter(|fault| !fault.is_slight()).cloned().collect();
+        Reading { faults, state: state_of_torque(reading), probability: 0.0, residual: Vec::new() }
     });
     Ok(best.map(|(reading, probability)| {
         let mut joints: Vec<usize> = reading.faults.iter().flat_map(LogReading::joints).collect();
@@ -216,9 +215,13 @@ pub fn meaning(robot: &Robot, recording: &Path) -> Result<Option<(&'static str, 
     }))
 }
 
-/// Whether the state of the arm says what the torque is.
-fn is_of_torque(reading: &Reading) -> bool {
-    matches!(reading.state, ArmState::Computed | ArmState::LinkSide)
+/// The state of the arm where it says what the torque is; the others are of the file.
+fn state_of_torque(reading: &Reading) -> ArmState {
+    match reading.state {
+        ArmState::Computed | ArmState::Commanded => ArmState::Computed,
+        ArmState::LinkSide => ArmState::LinkSide,
+        _ => ArmState::Nominal,
+    }
 }
 
 /// The most probable of what `part` makes of the readings, with the sum of the probabilities of all readings that share it.
@@ -243,13 +246,12 @@ fn is_of_positions(fault: &LogReading) -> bool {
 /// The reading of one channel with the sum of the probabilities of all readings of the log that share it.
 fn of_channel(found: &Screening, channel: &'static str, of_q: bool, names: &[String]) -> ChannelReading {
     let part = |reading: &Reading| -> String {
-        let faults: Vec<LogReading> = reading.faults.iter().filter(|f| is_of_positions(f) == of_q).cloned().collect();
-        // Of the states of the arm two say what the torque is; the others are of the file.
-        let is_of_torque = !of_q && is_of_torque(reading);
-        if faults.is_empty() && !is_of_torque {
+        let is_of_channel = |fault: &&LogReading| is_of_positions(fault) == of_q && !fault.is_slight();
+        let faults: Vec<LogReading> = reading.faults.iter().filter(is_of_channel).cloned().collect();
+        let state = if of_q { ArmState::Nominal } else { state_of_torque(reading) };
+        if faults.is_empty() && state == ArmState::Nominal {
             return "as recorded".to_owned();
         }
-        let state = if is_of_torque { reading.state } else { ArmState::Nominal };
         Reading { faults, state, ..reading.clone() }.text(names)
     };
     let (text, probability) = most_probable(found, part).unwrap_or_default();

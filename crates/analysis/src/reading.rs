@@ -111,9 +111,9 @@ pub(crate) fn find(robot: &Robot, log: &Log) -> Option<Found> {
         joint: joint(robot, reading),
         text: text(robot, &found, reading),
         spoils: spoils(reading),
-        drifts: reading.faults.is_empty() && reading.state == ArmState::Drift,
+        drifts: wrong(reading).next().is_none() && reading.state == ArmState::Drift,
         probability: reading.probability,
-        faults: reading.faults.iter().map(|fault| (fault.clone(), joints_of(fault))).collect(),
+        faults: wrong(reading).map(|fault| (fault.clone(), joints_of(fault))).collect(),
     })
 }
 
@@ -122,8 +122,14 @@ pub fn distrust(robot: &Robot, log: &Log) -> Option<Distrust> {
     find(robot, log).map(|found| found.distrust())
 }
 
+/// Faults that analyses do not deal with by themselves.
+fn wrong(reading: &Reading) -> impl Iterator<Item = &Fault> {
+    reading.faults.iter().filter(|fault| !fault.is_slight())
+}
+
 fn joint(robot: &Robot, reading: &Reading) -> Option<String> {
-    match reading.faults.as_slice() {
+    let faults: Vec<&Fault> = wrong(reading).collect();
+    match faults.as_slice() {
         [one] if one.joints().len() == 1 => Some(robot.model.arm.joints[one.joints()[0]].name.clone()),
         _ => None,
     }
@@ -158,10 +164,10 @@ fn spoils(reading: &Reading) -> bool {
     use Fault::{BeyondLimit, Mounting, TorqueScale, TorqueSign};
     let of_all =
         |fault: &Fault| !matches!(fault, TorqueSign(Of::Joint(_)) | TorqueScale(..) | Mounting(_) | BeyondLimit(..));
-    match reading.state {
-        _ if !reading.faults.is_empty() => reading.faults.iter().any(of_all),
-        state => matches!(state, ArmState::FileUnit(_) | ArmState::Computed),
+    if wrong(reading).next().is_some() {
+        return wrong(reading).any(of_all);
     }
+    matches!(reading.state, ArmState::FileUnit(_) | ArmState::Computed | ArmState::Commanded)
 }
 
 /// Warnings of single joints that one reading of all of them explains.
@@ -231,6 +237,21 @@ mod tests {
         assert!(!found(vec![(Fault::PositionSign(Of::Joint(0)), names(&["base"]))]).is_dealt_with(&by));
         assert!(found(vec![(Fault::TorqueScale(0, 2.0), names(&["base"]))]).is_dealt_with(&by));
         assert!(!found(vec![(Fault::TorqueScale(0, 2.0), names(&["elbow"]))]).is_dealt_with(&by));
+    }
+
+    #[test]
+    fn a_delay_of_about_a_sample_beside_others_asks_for_nothing() {
+        let reading = |faults: &[Fault]| Reading {
+            faults: faults.to_vec(),
+            state: ArmState::Nominal,
+            probability: 1.0,
+            residual: Vec::new(),
+        };
+        let (slight, long) = (Fault::Late(Of::Joint(5), 0.012), Fault::Late(Of::Joint(5), 0.045));
+        let mounting = Fault::Mounting([0.0, 0.0, 9.81]);
+        assert!(!spoils(&reading(&[mounting.clone(), slight.clone()])));
+        assert!(spoils(&reading(&[mounting.clone(), long])));
+        assert_eq!(wrong(&reading(&[mounting.clone(), slight])).collect::<Vec<_>>(), [&mounting]);
     }
 
     #[test]

@@ -40,7 +40,11 @@ impl FileUnit {
 pub enum ArmState {
     /// The values of the robot file, as wrong as CAD and data sheets are.
     Nominal,
-    /// The same with estimated masses and friction.
+    /// The values of the robot file, identified before.
+    Accurate,
+    /// Bodies from CAD with estimated friction and rotor inertia.
+    RoughDrives,
+    /// Estimated masses and friction.
     Rough,
     /// A payload or tool more, or less.
     Payload,
@@ -54,6 +58,8 @@ pub enum ArmState {
     LinkSide,
     /// Torque computed by a model of the links.
     Computed,
+    /// Torque computed by the file's own model, as a controller commands it.
+    Commanded,
     /// Bodies of another arm.
     OtherArm,
     /// A unit in the URDF.
@@ -64,12 +70,15 @@ impl ArmState {
     /// All that are compared for the log as it is, with their probabilities.
     pub(crate) fn all(joints: usize) -> Vec<(ArmState, f64)> {
         let mut states = vec![
+            (ArmState::Accurate, p::ACCURATE),
+            (ArmState::RoughDrives, p::ROUGH_DRIVES),
             (ArmState::Rough, p::ROUGH),
             (ArmState::Payload, p::PAYLOAD),
             (ArmState::Offsets, p::OFFSETS),
             (ArmState::Drift, p::DRIFT),
             (ArmState::LinkSide, p::LINK_SIDE),
             (ArmState::Computed, p::COMPUTED),
+            (ArmState::Commanded, p::COMMANDED),
             (ArmState::OtherArm, p::OTHER_ARM),
         ];
         states.extend((0..joints).map(|j| (ArmState::Counterbalance(j), p::COUNTERBALANCE / joints as f64)));
@@ -83,6 +92,8 @@ impl ArmState {
     pub(crate) fn beside_faults() -> Vec<(ArmState, f64)> {
         let kept = [
             ArmState::Nominal,
+            ArmState::Accurate,
+            ArmState::RoughDrives,
             ArmState::Rough,
             ArmState::Payload,
             ArmState::Offsets,
@@ -96,7 +107,12 @@ impl ArmState {
     pub fn is_sound(self) -> bool {
         !matches!(
             self,
-            ArmState::Drift | ArmState::LinkSide | ArmState::Computed | ArmState::OtherArm | ArmState::FileUnit(_)
+            ArmState::Drift
+                | ArmState::LinkSide
+                | ArmState::Computed
+                | ArmState::Commanded
+                | ArmState::OtherArm
+                | ArmState::FileUnit(_)
         )
     }
 }
@@ -149,9 +165,11 @@ impl ValuePrior {
         let [bodies, drives, rotors] = match state {
             ArmState::Rough | ArmState::Offsets => [p::ROUGH_BODY_SPREAD, p::ROUGH_DRIVE_SPREAD, p::ROUGH_DRIVE_SPREAD],
             ArmState::OtherArm => [p::OTHER_BODY_SPREAD, p::ROUGH_DRIVE_SPREAD, p::ROUGH_DRIVE_SPREAD],
+            ArmState::RoughDrives => [p::BODY_SPREAD, p::ESTIMATED_DRIVE_SPREAD, p::ESTIMATED_DRIVE_SPREAD],
+            ArmState::Accurate => p::ACCURATE_SPREADS,
             _ => [p::BODY_SPREAD, p::FRICTION_SPREAD, p::ROTOR_SPREAD],
         };
-        let rough = drives > p::FRICTION_SPREAD;
+        let rough = drives >= p::ROUGH_DRIVE_SPREAD;
         let behind_gear = matches!(state, ArmState::LinkSide | ArmState::Computed);
         let mut spread = vec![0.0; size + EXTRA_COLUMNS * joints];
         for body in 0..joints {
@@ -204,6 +222,10 @@ impl ValuePrior {
         prior.extra_columns(file, state, limit, motion);
         if state == ArmState::Computed {
             prior.inadequacy = p::COMPUTED_INADEQUACY;
+        }
+        if state == ArmState::Commanded {
+            prior.inadequacy = p::COMMANDED_INADEQUACY;
+            prior.spread = prior.mean.iter().map(|value| p::COMMANDED_INADEQUACY * value.abs()).collect();
         }
         prior
     }

@@ -1,6 +1,6 @@
 //! All faults that are compared, each with its prior probability.
 
-use std::f64::consts::{FRAC_PI_2, PI};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use crate::fault::{Columns, Fault, Of};
 use crate::priors as p;
@@ -10,14 +10,39 @@ pub(crate) struct Scope<'a> {
     pub(crate) joints: usize,
     /// Joints that turn.
     pub(crate) revolute: &'a [bool],
+    /// Whether the scale of the torque is not yet explained by a fault.
+    pub(crate) has_scale: bool,
+    /// Whether gravity is in the torque as read so far.
+    pub(crate) has_gravity: bool,
     /// Gravity of the file.
     pub(crate) gravity: [f64; 3],
     /// Torques that have one sign in all rows.
     pub(crate) one_signed: &'a [bool],
+    /// How often each of them touches zero: without that it has the sign that it shows.
+    pub(crate) touches: &'a [usize],
     /// Factor of each joint's torque that comes nearest to the model's; none where the two are not alike.
     pub(crate) factors: &'a [Option<f64>],
+    /// Factors of all torques that are found together with the values of the arm.
+    pub(crate) each_factor: &'a EachFactor,
+    /// Torque limits \[N m\], finite.
+    pub(crate) limit: &'a [f64],
     /// Limit of each torque that exceeds it in some rows \[N m\].
     pub(crate) exceeded: &'a [Option<f64>],
+}
+
+/// Factors of all torques that are found together with the values of the arm.
+pub(crate) struct EachFactor {
+    /// None where the torque shows nothing.
+    pub(crate) factors: Vec<Option<f64>>,
+    /// Log likelihood ratio over a torque that has nothing of the arm.
+    pub(crate) gains: Vec<f64>,
+}
+
+impl EachFactor {
+    /// The factor of one torque; none where it explains no more than its freedom costs.
+    fn shown(&self, j: usize, freedom: f64) -> Option<f64> {
+        self.factors[j].filter(|_| self.gains[j] + freedom.ln() > 0.0)
+    }
 }
 
 /// A factor nearer to 1 than this is a wrong value of the file (a torque constant), not a unit.
@@ -47,11 +72,16 @@ impl Scope<'_> {
             let one = |j: usize| (Fault::PositionUnit(Of::Joint(j), unit), p::ONE_POSITION_UNIT / (n * units as f64));
             list.extend(joints().filter(|j| self.revolute[*j]).map(one));
         }
-        list.extend((0..p::TORQUE_UNITS.len()).map(|unit| (Fault::TorqueUnit(unit), p::TORQUE_UNIT)));
-        list.extend(self.scales());
+        if self.has_scale {
+            list.extend((0..p::TORQUE_UNITS.len()).map(|unit| (Fault::TorqueUnit(unit), p::TORQUE_UNIT)));
+            list.extend(self.scales());
+        }
         list.extend(self.orders());
-        list.push((Fault::WithoutGravity, p::WITHOUT_GRAVITY));
-        list.extend(self.mountings());
+        if self.has_gravity {
+            list.push((Fault::WithoutGravity, p::WITHOUT_GRAVITY));
+            list.push((Fault::External, p::EXTERNAL));
+            list.extend(self.mountings());
+        }
         for j in joints().filter(|j| self.revolute[*j]) {
             list.extend(
                 [FRAC_PI_2, -FRAC_PI_2, PI].map(|angle| (Fault::JointZero(j, angle), p::JOINT_ZERO / (3.0 * n))),
@@ -64,7 +94,7 @@ impl Scope<'_> {
             list.extend(joints().map(|j| (Fault::Late(Of::Joint(j), seconds), share)));
         }
         list.extend(
-            joints().filter(|j| self.one_signed[*j]).map(|j| (Fault::Unsigned(Of::Joint(j)), p::ONE_UNSIGNED / n)),
+            joints().filter(|j| self.touches[*j] > 0).map(|j| (Fault::Unsigned(Of::Joint(j)), p::ONE_UNSIGNED / n)),
         );
         for (j, limit) in self.exceeded.iter().enumerate().filter_map(|(j, limit)| Some((j, (*limit)?))) {
             let share = p::BEYOND_LIMIT / (n * p::LIMITS_OVER_FILE.len() as f64);
@@ -79,15 +109,31 @@ impl Scope<'_> {
     fn scales(&self) -> Vec<(Fault, f64)> {
         let freedom = p::FACTOR_WIDTH / p::FACTOR_SPAN;
         let far = |factor: &f64| !(1.0 / MIN_FACTOR..MIN_FACTOR).contains(factor);
-        let known = || self.factors.iter().enumerate().filter_map(|(j, f)| Some((j, (*f).filter(far)?)));
-        let mut list: Vec<(Fault, f64)> = known()
+        let one =
+            |j: usize| self.factors[j].or(self.each_factor.shown(j, freedom)).filter(far).map(|factor| (j, factor));
+        let mut list: Vec<(Fault, f64)> = (0..self.joints)
+            .filter_map(one)
             .map(|(j, factor)| (Fault::TorqueScale(j, factor), p::ONE_TORQUE_SCALE * freedom / self.joints as f64))
             .collect();
-        if self.joints > 1 && known().count() * 2 > self.joints {
-            let factors: Vec<f64> = self.factors.iter().map(|f| f.unwrap_or(1.0)).collect();
-            list.push((Fault::TorqueScales(factors), p::EACH_TORQUE_SCALE * freedom.powf(self.joints as f64)));
+        let known = || self.each_factor.factors.iter().flatten();
+        if let Some(share) = self.each_share().filter(|_| known().filter(|f| far(f)).count() * 2 > known().count()) {
+            let factors = self.each_factor.factors.iter().map(|f| f.unwrap_or(1.0)).collect();
+            list.push((Fault::TorqueScales(factors), p::EACH_TORQUE_SCALE * freedom * share));
         }
         list
+    }
+
+    /// Probability of the factors of all torques beside the one that they share; none of less than two.
+    fn each_share(&self) -> Option<f64> {
+        let full_scales =
+            self.each_factor.factors.iter().zip(self.limit).filter_map(|(f, limit)| Some(((*f)? / limit).ln()));
+        let full_scales: Vec<f64> = full_scales.collect();
+        let mean = full_scales.iter().sum::<f64>() / full_scales.len().max(1) as f64;
+        let density = |x: &f64| {
+            let off = (x - mean) / p::FULL_SCALE_SPREAD;
+            p::FACTOR_WIDTH * (-0.5 * off * off).exp() / (p::FULL_SCALE_SPREAD * TAU.sqrt())
+        };
+        (full_scales.len() > 1).then(|| full_scales.iter().map(density).product())
     }
 
     fn orders(&self) -> Vec<(Fault, f64)> {

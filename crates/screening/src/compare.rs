@@ -1,13 +1,13 @@
 //! All readings of one log, compared.
 
 use rayon::prelude::*;
-use rivet_dynamics::JointKind;
+use rivet_dynamics::{JointKind, Parameter};
 
-use crate::arm_state::{ArmState, RobotFile, ValuePrior};
-use crate::candidates::Scope;
-use crate::fault::{Fault, View};
+use crate::arm_state::{ArmState, FileUnit, RobotFile, ValuePrior};
+use crate::candidates::{EachFactor, Scope};
+use crate::fault::{Fault, Missing, View};
 use crate::priors as p;
-use crate::regression::{Design, Evidence, Sums};
+use crate::regression::{Design, Evidence, Sums, largest_gravity};
 use crate::samples::{Samples, Stretch};
 
 /// One reading of a log.
@@ -44,12 +44,14 @@ impl Screening {
         let best = self.readings.first()?;
         let is_usable = |r: &Reading| {
             // What a limit cuts off is an effect of the drive, of which a diagnosis says how large it is.
-            let none = r.faults.iter().all(|fault| matches!(fault, Fault::BeyondLimit(..)));
+            let none = r.faults.iter().all(|fault| matches!(fault, Fault::BeyondLimit(..)) || fault.is_slight());
             none && (r.state.is_sound() || r.state == ArmState::OtherArm)
         };
         let unsound: f64 = self.readings.iter().filter(|r| !is_usable(r)).map(|r| r.probability).sum();
         // Another state of the arm shows in its values, which any prior that is wide enough would follow.
-        let in_values = best.faults.is_empty() && best.state != ArmState::Drift;
+        // So does a torque without that of the model: an arm without mass would leave as little.
+        let in_values =
+            best.faults.contains(&Fault::External) || best.faults.is_empty() && best.state != ArmState::Drift;
         let before = if in_values { &self.as_given } else { &self.residual };
         // Of the joints that it is about: what the others keep says nothing of it.
         let about: Vec<usize> = best.faults.iter().flat_map(Fault::joints).collect();
@@ -74,14 +76,14 @@ impl Reading {
     pub fn name(&self) -> &'static str {
         match (self.faults.first(), self.state) {
             (Some(fault), _) => fault.name(),
-            (None, ArmState::Nominal) => "as_it_is",
-            (None, ArmState::Rough) => "rough_values",
+            (None, ArmState::Nominal | ArmState::Accurate) => "as_it_is",
+            (None, ArmState::RoughDrives | ArmState::Rough) => "rough_values",
             (None, ArmState::Payload) => "payload",
             (None, ArmState::Offsets) => "torque_offsets",
             (None, ArmState::Counterbalance(_)) => "counterbalance",
             (None, ArmState::Drift) => "friction_drifts",
             (None, ArmState::LinkSide) => "link_side_sensor",
-            (None, ArmState::Computed) => "torque_computed",
+            (None, ArmState::Computed | ArmState::Commanded) => "torque_computed",
             (None, ArmState::OtherArm) => "another_arm",
             (None, ArmState::FileUnit(_)) => "file_unit",
         }
@@ -93,7 +95,9 @@ impl Reading {
         let faults: Vec<String> = self.faults.iter().map(|fault| fault.words(names)[0].clone()).collect();
         let state = state_words(self.state, names);
         match (faults.is_empty(), self.state) {
-            (false, ArmState::Nominal | ArmState::Rough) => faults.join("; "),
+            (false, ArmState::Nominal | ArmState::Accurate | ArmState::RoughDrives | ArmState::Rough) => {
+                faults.join("; ")
+            }
             (false, _) => format!("{}; {}", faults.join("; "), state[0]),
             (true, _) => state[0].clone(),
         }
@@ -129,7 +133,10 @@ impl Reading {
 
 fn state_words(state: ArmState, names: &[String]) -> [String; 2] {
     let [what, mend] = match state {
-        ArmState::Nominal => ["the log as it is", "nothing"],
+        ArmState::Nominal | ArmState::Accurate => ["the log as it is", "nothing"],
+        ArmState::RoughDrives => {
+            ["the log as it is, friction and rotor inertia of the robot file rough", "identify the values"]
+        }
         ArmState::Rough => ["the log as it is, values of the robot file rough", "identify the values"],
         ArmState::Payload => {
             ["a payload or tool that the robot file does not have, or has too much", "state the tool in the URDF"]
@@ -147,12 +154,25 @@ fn state_words(state: ArmState, names: &[String]) -> [String; 2] {
             "set friction and rotor_inertia of robot.toml to 0, or log the motor torque",
         ],
         ArmState::Computed => ["torque computed by a model, not measured", "log the measured torque or current"],
+        ArmState::Commanded => [
+            "torque computed by the robot file's own model (commanded or fed forward), not measured",
+            "log the measured torque or current",
+        ],
         ArmState::OtherArm => {
             ["bodies of another arm than the robot file's", "give the robot file and URDF of this arm"]
         }
         ArmState::FileUnit(unit) => unit.words(),
     };
     [what.to_owned(), mend.to_owned()]
+}
+
+/// Steps in which factors and values, or signs and values, are found in turn.
+const FACTOR_STEPS: usize = 4;
+const SIGN_STEPS: usize = 4;
+
+/// States with the widest priors: where a fault explains nothing with these, it explains nothing with the others.
+fn is_widest(state: ArmState) -> bool {
+    matches!(state, ArmState::Rough | ArmState::OtherArm)
 }
 
 /// A reading with its unnormalised log posterior.
@@ -176,7 +196,9 @@ pub fn screen(file: &RobotFile<'_>, stretches: &[Stretch<'_>]) -> Option<Screeni
     let delays: Vec<f64> = std::iter::once(0.0).chain(p::DELAYS_S).collect();
     let samples = Samples::new(stretches, &delays)?;
     let joints = file.joints();
-    let limit = (0..joints).map(|j| finite_limit(file.torque_limit[j], &samples, j)).collect();
+    let largest = p::LIMIT_OVER_GRAVITY * largest_gravity(file);
+    let most = if largest > 0.0 { largest } else { f64::INFINITY };
+    let limit = (0..joints).map(|j| finite_limit(file.torque_limit[j].min(most), &samples, j)).collect();
     let comparison = Comparison { file: *file, samples, limit };
     let view = View::new(joints);
     let design = Design::new(file, &comparison.samples, &view.motion);
@@ -185,7 +207,12 @@ pub fn screen(file: &RobotFile<'_>, stretches: &[Stretch<'_>]) -> Option<Screeni
         return None;
     }
     let mut states = ArmState::all(joints);
-    states.retain(|(state, _)| *state != ArmState::Computed || comparison.samples.noise < p::MAX_COMPUTED_NOISE);
+    let is_computed = |state: ArmState| matches!(state, ArmState::Computed | ArmState::Commanded);
+    states.retain(|(state, _)| !is_computed(*state) || comparison.samples.noise < p::MAX_COMPUTED_NOISE);
+    // Bodies that are too heavy by their unit need more torque than there is.
+    let is_too_heavy = sums.load(file.nominal, &comparison.limit).iter().any(|load| *load > 1.0);
+    let is_heavy_unit = |state: ArmState| matches!(state, ArmState::FileUnit(FileUnit::MassGram | FileUnit::CentreMm));
+    states.retain(|(state, _)| is_too_heavy || !is_heavy_unit(*state));
     let mut pool = comparison.states(&design, &sums, &states, (&[], 0.0));
     let sound = |w: &&Weighed| w.state.is_sound();
     let as_given = sums.residual(file.nominal);
@@ -248,12 +275,19 @@ impl Comparison<'_> {
                 (&own_design, &own_sums)
             };
             let before = best(pool)?.log;
-            let list = self.list(sums, &faults);
+            let is_wide = |w: &&Weighed| w.faults == faults && is_widest(w.state);
+            let widest = pool.iter().filter(is_wide).map(|w| w.log).fold(f64::NEG_INFINITY, f64::max);
+            let list = self.list((&base, design, sums), &faults);
+            // A state that is rare beside faults, and explains the log best so far, is compared with them.
+            let is_rare = |state: ArmState| matches!(state, ArmState::Counterbalance(_) | ArmState::Drift);
+            let likely = best(pool).map(|w| w.state).filter(|state| is_rare(*state));
+            let likely =
+                likely.and_then(|state| ArmState::all(self.file.joints()).into_iter().find(|(of, _)| *of == state));
             let found: Vec<(Vec<Weighed>, f64)> = list
                 .par_iter()
                 .map(|(fault, probability)| {
                     let log_prior = log_prior + probability.ln();
-                    (self.with_fault((&base, design, sums), &faults, fault, [log_prior, before]), log_prior)
+                    (self.with_fault((&base, design, sums), &faults, fault, [log_prior, widest], likely), log_prior)
                 })
                 .collect();
             let of_best =
@@ -266,32 +300,98 @@ impl Comparison<'_> {
             }
             (faults, log_prior) = (with, prior);
             base = faults.iter().fold(View::new(self.file.joints()), |view, fault| view.with(fault));
+            base = self.with_signs(&Design::new(&self.file, &self.samples, &base.motion), base);
         }
         Some(())
     }
 
-    fn list(&self, sums: &Sums, before: &[Fault]) -> Vec<(Fault, f64)> {
+    fn list(&self, (base, design, sums): (&View, &Design, &Sums), before: &[Fault]) -> Vec<(Fault, f64)> {
         let joints = &self.file.model.arm.joints;
         let revolute: Vec<bool> = joints.iter().map(|j| j.kind == JointKind::Revolute).collect();
         let factors = sums.factors(self.file.nominal);
+        let each_factor = self.each_factor((base, design, sums));
         let exceeded: Vec<Option<f64>> = (0..joints.len()).map(|j| self.exceeded(j)).collect();
         let scope = Scope {
             joints: joints.len(),
             revolute: &revolute,
+            has_scale: !before
+                .iter()
+                .any(|b| matches!(b, Fault::External | Fault::TorqueScales(_) | Fault::TorqueUnit(_))),
+            touches: &self.samples.touches,
+            has_gravity: !before.iter().any(|b| matches!(b, Fault::WithoutGravity | Fault::External)),
             gravity: self.file.model.arm.gravity,
             one_signed: &self.samples.one_signed,
             factors: &factors,
+            each_factor: &each_factor,
+            limit: &self.limit,
             exceeded: &exceeded,
+        };
+        // A driver subtracts its model at its own positions: with it zeros, scales and signs of positions cannot be checked.
+        let is_external = before.contains(&Fault::External);
+        let is_unchecked = |fault: &Fault| {
+            is_external && matches!(fault, Fault::JointZero(..) | Fault::PositionUnit(..) | Fault::PositionSign(_))
         };
         scope
             .faults()
             .into_iter()
+            .filter(|(fault, _)| !is_unchecked(fault))
             .filter(|(fault, _)| {
                 !before
                     .iter()
                     .any(|b| b.name() == fault.name() && (b.joints() == fault.joints() || b.joints().is_empty()))
             })
             .collect()
+    }
+
+    fn values(&self, design: &Design, sums: &Sums) -> Option<Vec<f64>> {
+        let prior = ValuePrior::new(&self.file, ArmState::Rough, &self.limit, &design.motion);
+        sums.evidence(&prior).map(|found| found.values)
+    }
+
+    /// Values of the file with friction of a usual size where it has none.
+    fn with_friction(&self) -> Vec<f64> {
+        let values =
+            self.file.nominal.iter().zip(&self.file.model.parameters).map(|(value, parameter)| match parameter {
+                Parameter::Coulomb(j) if *value == 0.0 => 0.5 * p::UNKNOWN_FRICTION_OVER_LIMIT * self.limit[*j],
+                _ => *value,
+            });
+        values.collect()
+    }
+
+    /// Factors of all torques and values of the arm, in turns; none where a torque shows nothing.
+    fn each_factor(&self, (base, design, like): (&View, &Design, &Sums)) -> EachFactor {
+        let mut factors = like.size_ratios(&self.with_friction());
+        let mut gains = vec![0.0; factors.len()];
+        for _ in 0..FACTOR_STEPS {
+            let all: Vec<f64> = factors.iter().map(|f| f.filter(|f| *f > 0.0).unwrap_or(1.0)).collect();
+            let sums = self.sums(design, &base.with(&Fault::TorqueScales(all)), Some((like, base)));
+            let Some(values) = self.values(design, &sums) else { break };
+            gains = sums.factor_gains(&values);
+            for (factor, step) in factors.iter_mut().zip(sums.free_factors(&values)) {
+                *factor = factor.zip(step).map(|(factor, step)| factor * step).or(*factor);
+            }
+        }
+        EachFactor { factors, gains }
+    }
+
+    /// The view with values whose torque gives unsigned torques their sign: values and signs in turns, from two starts.
+    fn with_signs(&self, design: &Design, view: View) -> View {
+        if !view.unsigned.contains(&true) {
+            return view;
+        }
+        let prior = ValuePrior::new(&self.file, ArmState::Rough, &self.limit, &design.motion);
+        let mut found: Option<(f64, View)> = None;
+        for start in [self.file.nominal.to_vec(), self.with_friction()] {
+            let mut trial = View { sign_values: start, ..view.clone() };
+            for _ in 0..SIGN_STEPS {
+                let Some(evidence) = self.sums(design, &trial, None).evidence(&prior) else { break };
+                if found.as_ref().is_none_or(|(log, _)| evidence.log > *log) {
+                    found = Some((evidence.log, trial.clone()));
+                }
+                trial.sign_values = evidence.values;
+            }
+        }
+        found.map_or(view, |(_, view)| view)
     }
 
     /// The limit of a torque that exceeds it.
@@ -306,23 +406,57 @@ impl Comparison<'_> {
         (base, design, like): (&View, &Design, &Sums),
         faults: &[Fault],
         fault: &Fault,
-        [log_prior, before]: [f64; 2],
+        [log_prior, widest_before]: [f64; 2],
+        likely: Option<(ArmState, f64)>,
     ) -> Vec<Weighed> {
         let view = base.with(fault);
         let all: Vec<Fault> = faults.iter().chain([fault]).cloned().collect();
         let of = |design: &Design| {
+            let view = self.with_signs(design, view.clone());
             let sums = self.sums(design, &view, Some((like, base)));
-            let (widest, others): (Vec<_>, Vec<_>) = ArmState::beside_faults()
+            // The driver's model is the file's: then the file is not that of another arm.
+            let is_external = view.missing == Missing::Model;
+            let (widest, mut others): (Vec<_>, Vec<_>) = ArmState::beside_faults()
                 .into_iter()
-                .partition(|(state, _)| matches!(state, ArmState::Rough | ArmState::OtherArm));
+                .filter(|(state, _)| !is_external || *state != ArmState::OtherArm)
+                .partition(|(state, _)| is_widest(*state));
+            others.extend(likely);
             let mut found = self.states(design, &sums, &widest, (&all, log_prior));
-            if best(&found).is_some_and(|w| w.log > before - p::FAR_BEHIND) {
+            if best(&found).is_some_and(|w| w.log > widest_before - p::FAR_BEHIND) {
                 found.extend(self.states(design, &sums, &others, (&all, log_prior)));
             }
             found
         };
-        if view.motion == base.motion { of(design) } else { of(&Design::new(&self.file, &self.samples, &view.motion)) }
+        let of_exact_gravity = if view.motion == base.motion {
+            of(design)
+        } else {
+            of(&Design::new(&self.file, &self.samples, &view.motion))
+        };
+        if *fault != Fault::WithoutGravity {
+            return of_exact_gravity;
+        }
+        // The driver's gravity may be that of the file, and wrong: what it misses is in the torque.
+        let view = View { missing: Missing::Gravity, ..base.clone() };
+        let sums = self.sums(design, &view, None);
+        // Of a load that the driver does not know gravity would stay.
+        let states: Vec<(ArmState, f64)> =
+            ArmState::beside_faults().into_iter().filter(|(state, _)| *state != ArmState::Payload).collect();
+        let mut found = self.states(design, &sums, &states, (&all, log_prior));
+        found.extend(of_exact_gravity);
+        // The two models of gravity share the prior.
+        for weighed in &mut found {
+            weighed.log -= std::f64::consts::LN_2;
+        }
+        found
     }
+}
+
+/// Whether two sets of faults are one reading: a slight delay beside others is no other one.
+fn is_same(a: &[Fault], b: &[Fault]) -> bool {
+    let wrong = |faults: &[Fault]| faults.iter().filter(|fault| !fault.is_slight()).cloned().collect::<Vec<Fault>>();
+    let alike = |a: &[Fault], b: &[Fault]| a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.is_alike(b));
+    let (wrong_a, wrong_b) = (wrong(a), wrong(b));
+    alike(a, b) || !wrong_a.is_empty() && alike(&wrong_a, &wrong_b)
 }
 
 /// Probabilities of all, summed over the states of the arm beside each set of faults; the log as it is stays apart by state.
@@ -335,7 +469,7 @@ fn ranked(pool: Vec<Weighed>, residual: Vec<f64>, as_given: Vec<f64>) -> Screeni
     order.sort_by(|a, b| b.log.total_cmp(&a.log));
     for weighed in order {
         let probability = (weighed.log - most).exp() / total;
-        let same = |r: &&mut Reading| !weighed.faults.is_empty() && r.faults == weighed.faults;
+        let same = |r: &&mut Reading| !weighed.faults.is_empty() && is_same(&r.faults, &weighed.faults);
         if let Some(reading) = readings.iter_mut().find(same) {
             reading.probability += probability;
             continue;

@@ -1,6 +1,6 @@
 //! Ways in which a log may have to be read otherwise than the contract says.
 
-use crate::priors::{POSITION_UNITS, TORQUE_UNITS};
+use crate::priors::{POSITION_UNITS, SLIGHT_DELAY_S, TORQUE_UNITS};
 
 /// One joint (from 0) or all of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,6 +45,8 @@ pub enum Fault {
     BackToFront,
     /// Torque without that of gravity.
     WithoutGravity,
+    /// Torque that a driver ascribes to forces from outside: the measured one without that of the driver's model of the arm.
+    External,
     /// Gravity in base axes \[m/s²\].
     Mounting([f64; 3]),
     /// The zero of a joint is elsewhere: add this \[rad\].
@@ -57,6 +59,17 @@ pub enum Fault {
     BeyondLimit(usize, f64),
 }
 
+/// Torque of the file's model that a driver has subtracted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Missing {
+    /// None of it.
+    Nothing,
+    /// That of gravity.
+    Gravity,
+    /// All of it.
+    Model,
+}
+
 /// How the columns of a log become motion and torque of the model's joints.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct View {
@@ -66,6 +79,10 @@ pub(crate) struct View {
     /// Delay of each joint's torque \[s\].
     pub(crate) delay_s: Vec<f64>,
     pub(crate) unsigned: Vec<bool>,
+    /// Values of the arm whose torque gives unsigned torques their sign; empty: those of the file.
+    pub(crate) sign_values: Vec<f64>,
+    /// What of the file's model is missing from the torque.
+    pub(crate) missing: Missing,
     /// Largest torque that each drive gives \[N m\]; infinite where the log says what it gave.
     pub(crate) ceiling: Vec<f64>,
 }
@@ -95,6 +112,8 @@ impl View {
             torque_factor: vec![1.0; joints],
             delay_s: vec![0.0; joints],
             unsigned: vec![false; joints],
+            sign_values: Vec::new(),
+            missing: Missing::Nothing,
             ceiling: vec![f64::INFINITY; joints],
         }
     }
@@ -136,6 +155,7 @@ impl View {
                 view.motion.column.reverse();
             }
             Fault::WithoutGravity => view.motion.gravity = Some([0.0; 3]),
+            Fault::External => view.missing = Missing::Model,
             Fault::Mounting(gravity) => view.motion.gravity = Some(*gravity),
             Fault::JointZero(j, angle) => view.motion.shift[*j] += angle,
             Fault::Late(which, seconds) => view.delay_s[of(*which)].fill(*seconds),
@@ -162,11 +182,24 @@ impl Fault {
             Fault::Exchanged(_, _, Columns::Both) => "joints_exchanged",
             Fault::BackToFront => "joints_back_to_front",
             Fault::WithoutGravity => "torque_without_gravity",
+            Fault::External => "external_torque",
             Fault::Mounting(_) => "mounting",
             Fault::JointZero(..) => "joint_zero",
             Fault::Late(..) => "torque_late",
             Fault::Unsigned(_) => "torque_unsigned",
             Fault::BeyondLimit(..) => "torque_beyond_limit",
+        }
+    }
+
+    /// Whether it is the same fault of the same channels, whatever its delay or factor is.
+    #[must_use]
+    pub fn is_alike(&self, other: &Fault) -> bool {
+        match (self, other) {
+            (Fault::Late(a, _), Fault::Late(b, _)) => a == b,
+            (Fault::TorqueScale(a, _), Fault::TorqueScale(b, _))
+            | (Fault::BeyondLimit(a, _), Fault::BeyondLimit(b, _)) => a == b,
+            (Fault::TorqueScales(_), Fault::TorqueScales(_)) => true,
+            _ => self == other,
         }
     }
 
@@ -200,6 +233,12 @@ impl Fault {
                 | Fault::Late(Of::Joint(_), _)
                 | Fault::BeyondLimit(..)
         )
+    }
+
+    /// Whether analyses deal with it by themselves, so that it is no other meaning of a channel: a delay of about a sample.
+    #[must_use]
+    pub fn is_slight(&self) -> bool {
+        matches!(self, Fault::Late(_, seconds) if *seconds <= SLIGHT_DELAY_S)
     }
 
     /// Effects of a model that predict the same: with one of them in the model, the log may stay as it is. Empty where none does.
@@ -265,6 +304,10 @@ impl Fault {
             Fault::WithoutGravity => [
                 "torque without that of gravity".to_owned(),
                 "set [log] torque_is = \"gravity_free\", or log the whole torque".to_owned(),
+            ],
+            Fault::External => [
+                "torque of forces from outside: that of the arm is subtracted".to_owned(),
+                "log the measured torque or current".to_owned(),
             ],
             Fault::Mounting(g) => {
                 let g: Vec<String> = g.iter().map(|g| format!("{g:.2}")).collect();

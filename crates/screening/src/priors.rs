@@ -34,6 +34,9 @@ pub const COARSENING: f64 = 40.0;
 pub const INADEQUACY: f64 = 0.03;
 /// The same of a torque that was computed by a model: rounding.
 pub const COMPUTED_INADEQUACY: f64 = 1e-3;
+/// The same of a torque that was computed by the file's own model, and how far its values are off as a share: both signals pass the
+/// low-pass apart, which shows near reversals.
+pub const COMMANDED_INADEQUACY: f64 = 1e-2;
 /// White noise of a torque that was computed, as a share of its rms, at most: it is that of its digits.
 pub const MAX_COMPUTED_NOISE: f64 = 3e-4;
 /// How many rows that prior of the residual is worth.
@@ -47,14 +50,21 @@ pub const BODY_SPREAD: f64 = 0.1;
 pub const ROUGH_BODY_SPREAD: f64 = 0.4;
 /// The same where the arm is another one.
 pub const OTHER_BODY_SPREAD: f64 = 2.0;
+/// Values of a file that were identified, as shares: bodies, friction, rotors. Friction differs from day to day.
+pub const ACCURATE_SPREADS: [f64; 3] = [0.03, 0.2, 0.15];
 /// Rotor inertias of data sheets, as a share.
 pub const ROTOR_SPREAD: f64 = 0.3;
 /// Friction depends on temperature, load and wear: as a share of the file's.
 pub const FRICTION_SPREAD: f64 = 0.4;
 /// A rough file's friction and rotor inertia, as a share of its values.
 pub const ROUGH_DRIVE_SPREAD: f64 = 2.0;
+/// The same where the bodies are from CAD: friction and rotors are then of the right size.
+pub const ESTIMATED_DRIVE_SPREAD: f64 = 0.8;
 /// Friction that the file does not know, as a share of the torque limit: harmonic drives take 3 to 15 % of it.
 pub const UNKNOWN_FRICTION_OVER_LIMIT: f64 = 0.1;
+/// A torque limit over the largest torque of gravity of the file's bodies, at most [-]: what is above is a placeholder. Drives give two to
+/// four times that torque.
+pub const LIMIT_OVER_GRAVITY: f64 = 5.0;
 /// Zero of a torque signal, as a share of the torque limit.
 pub const OFFSET_OVER_LIMIT: f64 = 0.01;
 /// An offset worth its name, as a share of the torque limit.
@@ -72,6 +82,10 @@ pub const LINK_SIDE_SPREAD: f64 = 0.05;
 
 // ---- What the arm is like (probabilities; they add up to one with what is left for the file as it is) -------------------
 
+/// The file's values were identified.
+pub const ACCURATE: f64 = 0.2;
+/// The file is rough in friction and rotor inertia alone.
+pub const ROUGH_DRIVES: f64 = 0.15;
 /// The file is rough.
 pub const ROUGH: f64 = 0.15;
 /// A payload or tool that the file does not know, or one that it has and the arm has not.
@@ -86,6 +100,8 @@ pub const DRIFT: f64 = 0.03;
 pub const LINK_SIDE: f64 = 0.01;
 /// A torque that was computed by a model of the links.
 pub const COMPUTED: f64 = 0.003;
+/// A torque that a controller computed by the file's own model: commanded or fed forward.
+pub const COMMANDED: f64 = 0.003;
 /// The file of another arm, of the same kinematics.
 pub const OTHER_ARM: f64 = 0.001;
 /// A unit in the URDF (g, mm, g mm²), each.
@@ -104,9 +120,12 @@ pub const ONE_POSITION_UNIT: f64 = 0.001;
 /// All torques in another unit, each of the usual ones.
 pub const TORQUE_UNIT: f64 = 0.001;
 /// The torque of one joint times a factor (gain, ratio, unit). Shared by the joints.
-pub const ONE_TORQUE_SCALE: f64 = 0.001;
+pub const ONE_TORQUE_SCALE: f64 = 0.002;
 /// Motor currents, or shares of the rated torque: each joint has its own factor.
 pub const EACH_TORQUE_SCALE: f64 = 0.002;
+/// Full scale of a joint's signal in a unit of its own, over its torque limit: standard deviation of the natural logarithm about the
+/// other joints'. Drives are made for the loads of their joints.
+pub const FULL_SCALE_SPREAD: f64 = 0.5;
 /// A free factor is uniform over this many natural logarithms (0.001 to 1000) ...
 pub const FACTOR_SPAN: f64 = 13.8;
 /// ... and is found to this: the ratio is what freedom costs.
@@ -117,6 +136,11 @@ pub const EXCHANGED: f64 = 0.003;
 pub const BACK_TO_FRONT: f64 = 0.001;
 /// Torque without the torque of gravity.
 pub const WITHOUT_GRAVITY: f64 = 0.003;
+/// Torque of forces from outside: drivers publish it next to the measured one, under names that are alike.
+pub const EXTERNAL: f64 = 0.002;
+/// Of a torque without that of the file's model: share of the whole torque that its noise is at least compared with [-]. What no model
+/// has of an arm stays in it.
+pub const SIGNAL_OVER_TORQUE: f64 = 0.3;
 /// Another mounting than the file's, shared by five directions.
 pub const MOUNTING: f64 = 0.003;
 /// The zero of one joint elsewhere by a quarter or half a turn. Shared by joints and angles.
@@ -125,6 +149,16 @@ pub const JOINT_ZERO: f64 = 0.003;
 pub const LATE: f64 = 0.005;
 /// Torque of one joint logged late. Shared by joints and delays.
 pub const ONE_LATE: f64 = 0.002;
+/// Rms of what a torque of one sign has of the other sign over its rms, at most: a curve between uneven samples swings over [-].
+pub const MAX_BELOW_OVER_RMS: f64 = 0.02;
+/// A torque without sign that comes down to this share of its rms touches zero [-].
+pub const TOUCH_OVER_RMS: f64 = 0.05;
+/// It is away from zero again above this share [-].
+pub const AWAY_OVER_RMS: f64 = 0.3;
+/// A signed torque that touches zero goes on to the other sign in half of the cases. Log likelihood of one touch without.
+pub const TOUCH: f64 = -std::f64::consts::LN_2;
+/// Touches that count, at most: what is left of a signal's shape repeats itself.
+pub const MAX_TOUCHES: usize = 20;
 /// Torque without its sign, of all joints.
 pub const UNSIGNED: f64 = 0.002;
 /// Of one joint, shared by the joints: an absolute value is taken of all or of none.
@@ -160,7 +194,10 @@ pub const TORQUE_UNITS: [(f64, &str); 7] = [
     (0.5, "at twice their scale"),
 ];
 /// Delays that are tried \[s\], from less than a sample of a slow log to a buffer of a fifth of a second.
-pub const DELAYS_S: [f64; 10] = [0.008, 0.012, 0.018, 0.027, 0.04, 0.06, 0.09, 0.12, 0.15, 0.19];
+pub const DELAYS_S: [f64; 16] =
+    [0.008, 0.012, 0.018, 0.027, 0.035, 0.045, 0.055, 0.065, 0.08, 0.095, 0.11, 0.125, 0.14, 0.155, 0.17, 0.19];
+/// A delay up to this is that of a drive, or of two samples of a log at 100 Hz, no other clock \[s\].
+pub const SLIGHT_DELAY_S: f64 = 0.02;
 /// Every so many of them is tried for single joints: what is near one of them is found beside it.
 pub const ONE_DELAY_OF: usize = 3;
 /// What is left at both ends of a piece for delays \[s\].

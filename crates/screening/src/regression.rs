@@ -7,15 +7,19 @@
 use std::sync::Arc;
 
 use nalgebra::{Cholesky, DMatrix, DVector};
-use rivet_dynamics::{Model, Parameter, Workspace};
+use rivet_dynamics::{LINK_PARAMETERS, Model, Parameter, Workspace};
 
 use crate::arm_state::{EXTRA_COLUMNS, RobotFile, ValuePrior};
-use crate::fault::{MotionView, View};
-use crate::priors::{COARSENING, DELAYS_S, INADEQUACY_ROWS, MIN_ROWS, MIN_TORQUE_OVER_LIMIT};
+use crate::fault::{Missing, MotionView, View};
+use crate::priors::{
+    COARSENING, DELAYS_S, INADEQUACY, INADEQUACY_ROWS, MIN_ROWS, MIN_TORQUE_OVER_LIMIT, SIGNAL_OVER_TORQUE, TOUCH,
+};
 use crate::samples::{Samples, rms};
 
 /// Steps in which values and residuals are found in turn.
 const STEPS: usize = 8;
+/// Whose square roots are not in proportion.
+const PRIMES: [f64; 8] = [2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0];
 /// No step changes a residual by more than this share any more.
 const SETTLED: f64 = 0.03;
 
@@ -25,6 +29,8 @@ pub(crate) struct Design {
     rows: Vec<Vec<f64>>,
     /// Torque of effects that the file knows, `[row][joint]`.
     known: Vec<Vec<f64>>,
+    /// Torque of the file's bodies at rest, `[row][joint]`.
+    gravity: Vec<Vec<f64>>,
     /// Columns that act on each joint.
     active: Vec<Vec<usize>>,
     columns: usize,
@@ -42,6 +48,8 @@ impl Design {
         }
         let mut workspace = Workspace::new(&model.arm);
         let (mut rows, mut known) = (Vec::with_capacity(samples.rows()), Vec::with_capacity(samples.rows()));
+        let mut gravity = Vec::with_capacity(samples.rows());
+        let bodies = joints * LINK_PARAMETERS;
         let mut standard = vec![0.0; joints * size];
         let mut squares = vec![[0.0; 2]; joints];
         let read = |row: &[f64], shift: &[f64]| -> Vec<f64> {
@@ -51,6 +59,12 @@ impl Design {
         for k in 0..samples.rows() {
             let (q, qd, qdd) =
                 (read(&samples.q[k], &view.shift), read(&samples.qd[k], &none), read(&samples.qdd[k], &none));
+            model.regressor(&mut workspace, &q, &none, &none, &mut standard);
+            let at_rest = |j: usize| {
+                let row = &standard[j * size..j * size + bodies];
+                row.iter().zip(file.nominal).map(|(y, x)| y * x).sum()
+            };
+            gravity.push((0..joints).map(at_rest).collect());
             model.regressor(&mut workspace, &q, &qd, &qdd, &mut standard);
             let mut effects = vec![0.0; joints];
             model.add_effects(&mut workspace, &q, &qd, &qdd, &mut effects);
@@ -75,7 +89,7 @@ impl Design {
             .collect();
         let count = samples.rows().max(1) as f64;
         let motion = squares.into_iter().map(|s| s.map(|s: f64| (s / count).sqrt())).collect();
-        Design { rows, known, active, columns, motion }
+        Design { rows, known, gravity, active, columns, motion }
     }
 
     fn torque(&self, row: usize, j: usize, x: &[f64]) -> f64 {
@@ -99,6 +113,8 @@ struct JointSums {
 /// The rows of a log under one reading, as sums.
 pub(crate) struct Sums {
     joints: Vec<Option<JointSums>>,
+    /// Log likelihood of the signs as read.
+    signs: f64,
 }
 
 /// What a reading explains.
@@ -107,6 +123,8 @@ pub(crate) struct Evidence {
     pub(crate) log: f64,
     /// Rms residual of each joint over the torque's rms; NaN where the joint says nothing.
     pub(crate) residual: Vec<f64>,
+    /// Values of the arm, and of the columns more.
+    pub(crate) values: Vec<f64>,
     /// Residual over what the model is known to miss, as the gain that could still be had in `log`.
     pub(crate) possible_gain: f64,
 }
@@ -124,7 +142,12 @@ impl Sums {
         let joints = (0..view.torque_column.len()).map(|j| {
             let rows: Vec<usize> = (0..samples.rows()).filter(|k| samples.moves[*k][view.torque_column[j]]).collect();
             let torque: Vec<f64> = rows.iter().map(|k| torque(design, samples, view, nominal, [*k, j])).collect();
-            let size = rms(&torque);
+            let size = match view.missing {
+                Missing::Nothing => rms(&torque),
+                // The noise is that of the signal, and what the model misses that of the whole torque.
+                _ => rms(&rows.iter().map(|k| logged(samples, view, [*k, j])).collect::<Vec<f64>>())
+                    .max(SIGNAL_OVER_TORQUE * rms(&torque)),
+            };
             if rows.len() < MIN_ROWS || size < MIN_TORQUE_OVER_LIMIT * limit[j] * view.torque_factor[j].abs() {
                 return None;
             }
@@ -151,11 +174,17 @@ impl Sums {
                 cross,
                 square: tau.norm_squared(),
                 size,
-                factor: view.torque_factor[j].abs(),
+                factor: view.torque_factor[j].abs() * clipped(samples, view, &rows, j),
             };
             Some(sums)
         });
-        Sums { joints: joints.collect() }
+        let joints: Vec<Option<JointSums>> = joints.collect();
+        let is_signed = |j: &usize| !view.unsigned[*j] && joints[*j].is_some();
+        // An absolute value is taken of all torques or of none.
+        let are_all = (0..joints.len()).all(|j| joints[j].is_none() || samples.one_signed[view.torque_column[j]]);
+        let touches: usize =
+            (0..joints.len()).filter(|j| are_all && is_signed(j)).map(|j| samples.touches[view.torque_column[j]]).sum();
+        Sums { joints, signs: TOUCH * touches as f64 }
     }
 
     /// Whether any joint says anything.
@@ -174,6 +203,15 @@ impl Sums {
         self.joints.iter().map(of).collect()
     }
 
+    /// Rms of the torque of the values `x` over each limit \[-\]; 0 where a joint shows nothing.
+    pub(crate) fn load(&self, x: &[f64], limit: &[f64]) -> Vec<f64> {
+        let ratios = self.size_ratios(x);
+        let of = |(j, sums): (usize, &Option<JointSums>)| {
+            sums.as_ref().zip(ratios[j]).map_or(0.0, |(s, r)| r * s.size / limit[j])
+        };
+        self.joints.iter().enumerate().map(of).collect()
+    }
+
     /// Factor that brings each torque nearest to the model's of `x`; none where they are not alike.
     pub(crate) fn factors(&self, x: &[f64]) -> Vec<Option<f64>> {
         /// Correlation of the two from which a factor is one of the unit: with wrong bodies and friction it is lower.
@@ -184,6 +222,41 @@ impl Sums {
             let (with, square) = (sums.cross.dot(&x), x.dot(&(&*sums.gram * &x)));
             let alike = with / (square * sums.square).sqrt();
             (alike > ALIKE).then(|| with / sums.square)
+        };
+        self.joints.iter().map(of).collect()
+    }
+
+    /// Factor that each torque has with the values `x`; none where the torque shows nothing, or is not one of them. It is the most likely
+    /// one where the residual is free: the torque as read is then as large as that of the model.
+    pub(crate) fn free_factors(&self, x: &[f64]) -> Vec<Option<f64>> {
+        let of = |sums: &Option<JointSums>| {
+            let sums = sums.as_ref()?;
+            let x = padded(x, sums.cross.len());
+            let (common, square) = (sums.cross.dot(&x), x.dot(&(&*sums.gram * &x)));
+            (common > 0.0 && square > 0.0).then(|| square / common)
+        };
+        self.joints.iter().map(of).collect()
+    }
+
+    /// Log likelihood ratio of each torque as the arm's of the values `x`, times the most likely factor, over a torque that has nothing of
+    /// the arm: a channel of noise.
+    pub(crate) fn factor_gains(&self, x: &[f64]) -> Vec<f64> {
+        let of = |sums: &Option<JointSums>| {
+            let Some(sums) = sums.as_ref() else { return 0.0 };
+            let x = padded(x, sums.cross.len());
+            let (common, square) = (sums.cross.dot(&x).max(0.0), x.dot(&(&*sums.gram * &x)));
+            let explained = (common * common / (square * sums.square).max(f64::MIN_POSITIVE)).min(1.0);
+            -0.5 * counted(sums) * (1.0 - explained).max(f64::EPSILON).ln()
+        };
+        self.joints.iter().map(of).collect()
+    }
+
+    /// Rms of the torque of the values `x` over that of the torque as read; none where there is none.
+    pub(crate) fn size_ratios(&self, x: &[f64]) -> Vec<Option<f64>> {
+        let of = |sums: &Option<JointSums>| {
+            let sums = sums.as_ref()?;
+            let x = padded(x, sums.cross.len());
+            Some((x.dot(&(&*sums.gram * &x)).max(0.0) / sums.rows).sqrt() / sums.size)
         };
         self.joints.iter().map(of).collect()
     }
@@ -208,7 +281,8 @@ impl Sums {
             found = self.solve(&prior)?;
             found.2 += paid;
         }
-        found.0.log -= found.2;
+        found.0.log += self.signs - found.2;
+        found.0.values = found.1;
         Some(found.0)
     }
 
@@ -221,7 +295,6 @@ impl Sums {
         let scaled: Vec<Option<Scaled>> =
             self.joints.iter().map(|sums| sums.as_ref().map(|sums| Scaled::new(sums, prior, &mean, &free))).collect();
         let floor = |s: &JointSums| (prior.inadequacy * s.size).powi(2).max(f64::MIN_POSITIVE);
-        let counted = |s: &JointSums| s.rows * COARSENING / (s.rows + COARSENING);
         let pairs = || self.joints.iter().zip(&scaled).filter_map(|(a, b)| a.as_ref().zip(b.as_ref()));
         let mut variance: Vec<f64> =
             pairs().map(|(s, c)| floor(s).max((c.square / s.rows).min(0.1 * s.size * s.size))).collect();
@@ -271,8 +344,13 @@ impl Sums {
         }
         let mut x = prior.mean.clone();
         free.iter().zip(z.iter()).for_each(|(c, z)| x[*c] += prior.spread[*c] * z);
-        log.is_finite().then_some((Evidence { log, residual, possible_gain }, x, 0.0))
+        log.is_finite().then_some((Evidence { log, residual, values: Vec::new(), possible_gain }, x, 0.0))
     }
+}
+
+/// Independent rows that a joint's likelihood is worth.
+fn counted(sums: &JointSums) -> f64 {
+    sums.rows * COARSENING / (sums.rows + COARSENING)
 }
 
 /// Sums of a joint in units of the prior's deviations, about its mean.
@@ -316,14 +394,58 @@ fn padded(x: &[f64], size: usize) -> DVector<f64> {
 
 /// Torque of joint `j` at row `k` under a reading.
 fn torque(design: &Design, samples: &Samples, view: &View, nominal: &[f64], [k, j]: [usize; 2]) -> f64 {
-    let delay = delay_place(view.delay_s[j]);
-    let logged = view.torque_factor[j] * samples.tau[delay][k][view.torque_column[j]];
-    let signed = if view.unsigned[j] { logged.abs() * design.torque(k, j, nominal).signum() } else { logged };
-    signed.clamp(-view.ceiling[j], view.ceiling[j])
+    let logged = logged(samples, view, [k, j]);
+    let of_sign = if view.sign_values.is_empty() { nominal } else { &view.sign_values };
+    let signed = if view.unsigned[j] { logged.abs() * design.torque(k, j, of_sign).signum() } else { logged };
+    let of_arm = match view.missing {
+        Missing::Nothing => 0.0,
+        Missing::Gravity => design.gravity[k][j],
+        Missing::Model => design.torque(k, j, nominal),
+    };
+    (signed + of_arm).clamp(-view.ceiling[j], view.ceiling[j])
+}
+
+/// Jacobian of a torque that the drive's limit cuts off, as the mean over rows: what is beyond the limit has an exponential density.
+fn clipped(samples: &Samples, view: &View, rows: &[usize], j: usize) -> f64 {
+    let ceiling = view.ceiling[j];
+    let excess: Vec<f64> =
+        rows.iter().map(|k| logged(samples, view, [*k, j]).abs() - ceiling).filter(|excess| *excess > 0.0).collect();
+    if excess.is_empty() {
+        return 1.0;
+    }
+    let mean = excess.iter().sum::<f64>() / excess.len() as f64;
+    let width = INADEQUACY * ceiling * std::f64::consts::TAU.sqrt();
+    (excess.len() as f64 / rows.len() as f64 * (width / (mean + width)).ln()).exp()
+}
+
+/// The logged torque of joint `j` at row `k` in N m.
+fn logged(samples: &Samples, view: &View, [k, j]: [usize; 2]) -> f64 {
+    view.torque_factor[j] * samples.tau[delay_place(view.delay_s[j])][k][view.torque_column[j]]
 }
 
 /// Place of a delay among those that the samples have, of which the first is 0.
 fn delay_place(seconds: f64) -> usize {
     let far = |place: &usize| if *place == 0 { seconds.abs() } else { (DELAYS_S[place - 1] - seconds).abs() };
     (0..=DELAYS_S.len()).min_by(|a, b| far(a).total_cmp(&far(b))).unwrap_or(0)
+}
+
+/// Largest torque of gravity that the file's bodies have about any joint \[N m\], over poses spread over all angles.
+pub(crate) fn largest_gravity(file: &RobotFile<'_>) -> f64 {
+    const POSES: usize = 64;
+    let (joints, size) = (file.joints(), file.model.len());
+    let bodies = joints * LINK_PARAMETERS;
+    let mut workspace = Workspace::new(&file.model.arm);
+    let (still, mut regressor) = (vec![0.0; joints], vec![0.0; joints * size]);
+    let mut largest = 0.0_f64;
+    for pose in 0..POSES {
+        // Multiples of square roots of primes fill the angles evenly.
+        let angle = |j: usize| std::f64::consts::TAU * (pose as f64 * PRIMES[j % PRIMES.len()].sqrt()).fract();
+        let q: Vec<f64> = (0..joints).map(angle).collect();
+        file.model.regressor(&mut workspace, &q, &still, &still, &mut regressor);
+        for row in regressor.chunks_exact(size) {
+            let torque: f64 = row[..bodies].iter().zip(file.nominal).map(|(y, x)| y * x).sum();
+            largest = largest.max(torque.abs());
+        }
+    }
+    largest
 }

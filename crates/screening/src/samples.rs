@@ -3,7 +3,8 @@
 use rivet_estimation::offline::{ZeroPhase, white_noise};
 
 use crate::priors::{
-    BAND_HZ, BAND_OVER_RATE, DELAY_MARGIN_S, MAX_ROWS, MIN_ROWS, MIN_SPEED_OVER_RMS, MIN_TRAVEL, ROWS_PER_BAND_PERIOD,
+    AWAY_OVER_RMS, BAND_HZ, BAND_OVER_RATE, DELAY_MARGIN_S, MAX_BELOW_OVER_RMS, MAX_ROWS, MAX_TOUCHES, MIN_ROWS,
+    MIN_SPEED_OVER_RMS, MIN_TRAVEL, ROWS_PER_BAND_PERIOD, TOUCH_OVER_RMS,
 };
 
 /// Order of the low-pass.
@@ -39,6 +40,8 @@ pub(crate) struct Samples {
     pub(crate) moves: Vec<Vec<bool>>,
     /// Whether a torque is never negative, or never positive, in the rows as logged.
     pub(crate) one_signed: Vec<bool>,
+    /// How often a torque of one sign touches zero.
+    pub(crate) touches: Vec<usize>,
     /// White noise of the torque as logged over its rms, of the noisiest joint.
     pub(crate) noise: f64,
 }
@@ -68,6 +71,8 @@ impl Samples {
             }
         }
         samples.one_signed = (0..joints).map(|j| one_signed(stretches, j)).collect();
+        let touches = |j: usize| stretches.iter().map(|s| touches(&s.tau[j])).sum::<usize>().min(MAX_TOUCHES);
+        samples.touches = (0..joints).map(|j| if samples.one_signed[j] { touches(j) } else { 0 }).collect();
         samples.noise = stretches.iter().flat_map(|s| s.tau).map(|tau| noise_share(tau)).fold(0.0, f64::max);
         samples.mark_motion(joints);
         let moving = samples.moves.iter().filter(|row| row.iter().any(|m| *m)).count();
@@ -147,9 +152,29 @@ impl Filtered {
     }
 }
 
+/// Between samples of an uneven log a curve may swing over zero.
 fn one_signed(stretches: &[Stretch<'_>], j: usize) -> bool {
-    let of = |sign: f64| stretches.iter().all(|s| s.tau[j].iter().all(|t| sign * t >= 0.0));
+    let of = |sign: f64| {
+        stretches.iter().all(|s| {
+            let below: Vec<f64> = s.tau[j].iter().map(|t| (sign * t).min(0.0)).collect();
+            rms(&below) <= MAX_BELOW_OVER_RMS * rms(&s.tau[j])
+        })
+    };
     of(1.0) || of(-1.0)
+}
+
+/// How often a signal comes down to zero and goes away again.
+fn touches(tau: &[f64]) -> usize {
+    let size = rms(tau);
+    let (mut count, mut is_near) = (0, false);
+    for value in tau.iter().map(|tau| tau.abs()) {
+        if !is_near && value <= TOUCH_OVER_RMS * size {
+            (count, is_near) = (count + 1, true);
+        } else if value > AWAY_OVER_RMS * size {
+            is_near = false;
+        }
+    }
+    count
 }
 
 fn noise_share(tau: &[f64]) -> f64 {

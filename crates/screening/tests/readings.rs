@@ -411,11 +411,28 @@ fn names_what_the_arm_is_like() {
         let robot = Robot::new(&mut random);
         let mut x = robot.off(&mut random);
         let at_motor = Log::new(&robot, &x, &mut random);
-        assert!(top(&robot, &at_motor).is_sound());
+        let found = top(&robot, &at_motor);
+        assert!(found.is_sound(), "{seed}: {found:?}");
         x[60..78].fill(0.0);
         let behind_gear = Log::new(&robot, &x, &mut random);
         let found = top(&robot, &behind_gear);
         assert_eq!(found.name(), "link_side_sensor", "{seed}: {found:?}");
+    }
+}
+
+/// A driver's external torque is what its model of the arm misses.
+#[test]
+fn names_torque_that_the_model_is_subtracted_from() {
+    for seed in 0..4 {
+        let mut random = Random(4100 + seed);
+        let robot = Robot::new(&mut random);
+        let x = robot.off(&mut random);
+        let missed: Vec<f64> = x.iter().zip(&robot.nominal).map(|(x, nominal)| x - nominal).collect();
+        let log = Log::new(&robot, &missed, &mut random);
+        let found = robot.screen(&log).expect("motion");
+        assert_eq!(found.finding().map(Reading::name), Some("external_torque"), "{seed}: {:?}", words(&found));
+        let whole = Log::new(&robot, &x, &mut random);
+        assert_eq!(robot.screen(&whole).expect("motion").finding(), None, "{seed}");
     }
 }
 
@@ -442,6 +459,22 @@ fn commands_beyond_the_limit_are_no_other_unit() {
         println!("{seed}: {:?}", words(&found));
         assert_eq!(found.finding(), None, "{:?}", words(&found));
         assert_eq!(found.readings[0].name(), "torque_beyond_limit", "{:?}", words(&found));
+    }
+}
+
+/// A channel of noise has nothing of the arm, so that it has no unit of it either.
+#[test]
+fn reads_no_unit_from_noise() {
+    for seed in 0..6 {
+        let mut random = Random(610 + seed);
+        let robot = Robot::new(&mut random);
+        let x = robot.off(&mut random);
+        let mut log = Log::new(&robot, &x, &mut random);
+        let (j, size) = (random.below(3), random.between(0.03, 0.4));
+        log.tau[j].iter_mut().for_each(|tau| *tau = size * robot.limit[j] * random.normal());
+        let found = robot.screen(&log).expect("motion");
+        let units = found.readings.iter().filter(|r| r.name() == "torque_unit").map(|r| r.probability);
+        assert!(units.sum::<f64>() < 0.5, "{seed}: {:?}", words(&found));
     }
 }
 

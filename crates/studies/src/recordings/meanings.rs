@@ -157,7 +157,7 @@ fn late(draw: &mut Draw<'_>, is_all: bool) -> Vec<usize> {
 /// Takes the gravity of the robot file's bodies out of the torque.
 fn without_gravity(draw: &mut Draw<'_>) -> Vec<usize> {
     let still = vec![vec![0.0; draw.log.len()]; draw.log.joints()];
-    let gravity = model(draw.robot, &draw.log.q, &still, &still);
+    let gravity = model(draw.robot, &draw.log.q, &still, &still, false);
     subtract(torques(draw.log), &gravity);
     Vec::new()
 }
@@ -175,7 +175,7 @@ fn computed(draw: &mut Draw<'_>, is_external: bool) -> Vec<usize> {
         qd.push(rate);
         q.push(smooth);
     }
-    let command = model(draw.robot, &q, &qd, &qdd);
+    let command = model(draw.robot, &q, &qd, &qdd, true);
     if is_external {
         subtract(torques(draw.log), &command);
     } else {
@@ -190,8 +190,8 @@ fn subtract(tau: &mut Signals, of: &Signals) {
     }
 }
 
-/// Torque of the robot file's model without constant torques, `[joint][row]`.
-fn model(robot: &Robot, q: &Signals, qd: &Signals, qdd: &Signals) -> Signals {
+/// Torque of the robot file's model without constant torques, `[joint][row]`; `has_effects`: with the effects that the file states.
+fn model(robot: &Robot, q: &Signals, qd: &Signals, qdd: &Signals, has_effects: bool) -> Signals {
     let joints = q.len();
     let size = robot.model.len();
     let is_offset = |p: &Parameter| matches!(p, Parameter::Offset(_));
@@ -202,9 +202,14 @@ fn model(robot: &Robot, q: &Signals, qd: &Signals, qdd: &Signals) -> Signals {
     let mut tau = vec![Vec::with_capacity(q[0].len()); joints];
     let at = |signals: &Signals, row: usize| signals.iter().map(|signal| signal[row]).collect::<Vec<f64>>();
     for row in 0..q[0].len() {
-        robot.model.regressor(&mut workspace, &at(q, row), &at(qd, row), &at(qdd, row), &mut y);
-        for (tau, y) in tau.iter_mut().zip(y.chunks_exact(size)) {
-            tau.push(y.iter().zip(&values).map(|(y, x)| y * x).sum());
+        let (q, qd, qdd) = (at(q, row), at(qd, row), at(qdd, row));
+        robot.model.regressor(&mut workspace, &q, &qd, &qdd, &mut y);
+        let mut effects = vec![0.0; joints];
+        if has_effects {
+            robot.model.add_effects(&mut workspace, &q, &qd, &qdd, &mut effects);
+        }
+        for (j, y) in y.chunks_exact(size).enumerate() {
+            tau[j].push(effects[j] + y.iter().zip(&values).map(|(y, x)| y * x).sum::<f64>());
         }
     }
     tau
