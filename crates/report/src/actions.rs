@@ -6,8 +6,12 @@ use crate::words::{effect, figure, joints_in_short, parameter_label, printed_uni
 
 /// Values of the model in one line; the table of parameters has all.
 const VALUES: usize = 3;
-/// Sizes that are factors on values of the file, and the words for them.
-const FACTORS: [(&str, &str); 2] = [("mass_gain", "mass and inertia"), ("inertia_gain", "inertia")];
+/// Sizes that are factors, and the words for what they multiply.
+const FACTORS: [(&str, [&str; 2]); 3] = [
+    ("mass_gain", ["mass and inertia", "the file's"]),
+    ("inertia_gain", ["inertia", "the file's"]),
+    ("gain", ["torque at the joint", "the reported one"]),
+];
 /// Residual in motion over the noise from which another joint is named beside the worst one.
 const KEEPS: f64 = 2.0;
 /// A simulator further from the arm than this has lost it \[rad\]: no joint follows its plan any more.
@@ -16,6 +20,8 @@ pub(crate) const LOST: f64 = 1.0;
 const WORSE: f64 = 1.005;
 /// Confidence in words, on blind cases, needs so many names of that confidence.
 const FEWEST_NAMES: usize = 20;
+/// Confidence from which on ranges are one.
+const HIGH: f64 = 0.9;
 
 impl Document {
     /// One line a cause, in their order: what to do, with number, unit, interval and confidence. `scores` are those of cases whose
@@ -94,8 +100,8 @@ impl Document {
             let (first, others): (Vec<_>, Vec<_>) = known().partition(|(name, _)| is_first(name));
             let one = |(name, value): (&String, f64)| {
                 let value = sized(name, value);
-                if let Some(what) = FACTORS.iter().find_map(|(factor, what)| (factor == name).then_some(what)) {
-                    return format!("{what} {value} times the file's");
+                if let Some([what, of]) = FACTORS.iter().find_map(|(factor, words)| (factor == name).then_some(words)) {
+                    return format!("{what} {value} times {of}");
                 }
                 let (label, unit) = quantity_of(name, &cause.joints, self);
                 format!("{label} {value} {unit}").trim_end().to_owned()
@@ -173,15 +179,17 @@ pub(crate) fn distance(rad: f64) -> String {
 /// How often names of a cause's range of confidence were right on blind cases, where there are enough of them.
 fn rate(cause: &Cause, scores: &[Score]) -> String {
     let Some(sure) = cause.confidence else { return String::new() };
-    let alike = |bin: &&Bin| bin.from <= sure && sure < bin.to;
+    let is_of = |bin: &Bin| bin.from <= sure && sure < bin.to;
+    // Two digits do not tell the highest ranges apart.
+    let alike = |bin: &&Bin| is_of(bin) || bin.from.min(sure) >= HIGH;
     let bins: Vec<&Bin> = scores.iter().flat_map(|score| score.confidence.iter().filter(alike)).collect();
     let (right, all) = bins.iter().fold((0, 0), |(right, all), bin| (right + bin.right, all + bin.count));
-    match bins.first() {
-        Some(bin) if all >= FEWEST_NAMES => {
-            format!(" ({right} of {all} names {} were right on blind cases)", range(bin.from, bin.to))
-        }
-        _ => String::new(),
+    if all < FEWEST_NAMES {
+        return String::new();
     }
+    let from = bins.iter().fold(f64::INFINITY, |from, bin| from.min(bin.from));
+    let to = bins.iter().fold(0.0, |to, bin| bin.to.max(to));
+    format!(" ({right} of {all} names {} were right on blind cases)", range(from, to))
 }
 
 /// A range of confidences.

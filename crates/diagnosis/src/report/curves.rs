@@ -264,7 +264,10 @@ pub(crate) fn excerpts(
         .take(EXCERPTS)
         .filter(|_| length > 0)
         .map(|(_, j)| {
-            let error: Vec<f64> = stages.tau[*j].iter().zip(&given[*j]).map(|(t, m)| (t - m).powi(2)).collect();
+            // In motion: at standstill stiction holds what no model predicts.
+            let moving = run.doubt[*j].iter().map(|doubt| f64::from(u8::from(*doubt <= noise[*j])));
+            let squares = stages.tau[*j].iter().zip(&given[*j]).map(|(t, m)| (t - m).powi(2));
+            let error: Vec<f64> = squares.zip(moving).map(|(square, moving)| square * moving).collect();
             let best = (0..=rows - length)
                 .step_by(length.div_ceil(4))
                 .max_by(|a, b| {
