@@ -10,6 +10,11 @@ const SPEED_SHARE: f64 = 1.1;
 const NOISE_STEPS: f64 = 4.0;
 /// Fewest identical readings that are a reading which is frozen.
 const FROZEN_RUN: u32 = 3;
+/// Encoder steps by which one that is frozen may flicker.
+const FLICKER_STEPS: f64 = 1.5;
+/// Steps that a joint would have moved by in one sample, in parts of [`NOISE_STEPS`], from which on readings within those are identical: a
+/// sound joint does not stop so abruptly.
+const ABRUPT_TIMES: f64 = 8.0;
 /// Speed above which a joint does not stand from one sample to the next while its plan goes on, if friction does not stop it \[rad/s\].
 const ABRUPT: f64 = 0.05;
 /// Encoder steps that it moved by before, at least: a coarse encoder repeats readings in slow motion.
@@ -63,9 +68,12 @@ struct Joint {
     same: u32,
     anchor: f64,
     band: f64,
+    /// Readings in a row within [`FLICKER_STEPS`] of the first of them, which is `still_at` \[rad\].
+    still: u32,
+    still_at: f64,
     /// The run began at speed while the plan went on.
     abrupt: bool,
-    /// Where the plan was when the run began.
+    /// Where the plan was when the run of still readings began.
     plan_before: f64,
     /// The way of the plan from the reading, once it has gone on since the run began \[rad\].
     ahead: f64,
@@ -147,7 +155,7 @@ impl MotionCheck {
         for (j, joint) in self.joints.iter_mut().enumerate().take(self.dof) {
             expected[j] = if jumped >> j & 1 == 1 { joint.q + joint.step } else { q[j] };
             joint.step = expected[j] - joint.q;
-            (joint.q, joint.anchor, joint.same) = (expected[j], expected[j], 0);
+            (joint.q, joint.same, joint.still_at, joint.still) = (expected[j], 0, expected[j], 0);
         }
         self.window.push(&expected[..self.dof], command);
     }
@@ -250,7 +258,7 @@ impl MotionCheck {
             joint.breakaway = limits.joint.breakaway.max(breakaway(friction, limits.joint.torque));
             // A load that the model does not know was missed in motion as well.
             let pushed = (joint.error_before - missed) * joint.ahead.signum();
-            let is_held = joint.ahead == 0.0 || joint.same < whole || pushed <= joint.breakaway + noise;
+            let is_held = joint.ahead == 0.0 || joint.still < whole || pushed <= joint.breakaway + noise;
             frozen |= if is_held { 0 } else { 1 << j };
             if !self.compared {
                 (joint.model_error, joint.slow_error) = (missed, missed);
@@ -319,7 +327,7 @@ impl Before {
     /// joint would move by more than that from one sample to the next; else a slow joint would count as frozen.
     fn band(&self) -> f64 {
         let flicker = NOISE_STEPS * self.resolution;
-        if self.speed.abs() * self.period_s > 2.0 * flicker { flicker } else { 0.0 }
+        if self.speed.abs() * self.period_s > ABRUPT_TIMES * flicker { flicker } else { 0.0 }
     }
 
     /// Whether the joint moved at a steady speed: `last` is its way in the last period. One that comes to rest is slower there.
@@ -334,12 +342,20 @@ impl Before {
 impl Joint {
     /// Counts identical readings, `lost` samples after the last. `plan` is position and velocity of the plan.
     fn read(&mut self, q: f64, lost: u64, first: bool, plan: Option<(f64, f64)>, before: &Before) {
+        if !first && (q - self.still_at).abs() <= FLICKER_STEPS * before.resolution {
+            if self.still == 0 {
+                self.error_before = self.model_error;
+            }
+            self.still = self.still.saturating_add(1).saturating_add(lost as u32);
+        } else {
+            (self.still, self.still_at) = (0, q);
+            self.plan_before = plan.map_or(f64::NAN, |(q, _)| q);
+        }
         if self.same == 0 {
             (self.anchor, self.band) = (self.q, before.band());
         }
         if !first && (q - self.anchor).abs() <= self.band {
             if self.same == 0 {
-                self.error_before = self.model_error;
                 let goes_on = plan.is_some_and(|(_, qd)| qd * before.speed.signum() > 0.5 * before.speed.abs());
                 self.abrupt = goes_on && before.steady(self.step);
             }
@@ -348,7 +364,6 @@ impl Joint {
             return;
         }
         self.step = if first { 0.0 } else { (q - self.q) / (lost + 1) as f64 };
-        self.plan_before = plan.map_or(f64::NAN, |(q, _)| q);
         (self.q, self.same, self.abrupt) = (q, 0, false);
     }
 }
