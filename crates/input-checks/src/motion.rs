@@ -12,6 +12,9 @@ const NOISE_STEPS: f64 = 4.0;
 const FROZEN_RUN: u32 = 3;
 /// Encoder steps by which one that is frozen may flicker.
 const FLICKER_STEPS: f64 = 1.5;
+/// A joint that friction holds yields by more than this before it slides \[rad\]. Encoders of finer steps show it; of those of coarser
+/// steps only readings that are equal are still.
+const LEAST_YIELD: f64 = 3e-5;
 /// Steps that a joint would have moved by in one sample, in parts of [`NOISE_STEPS`], from which on readings within those are identical: a
 /// sound joint does not stop so abruptly.
 const ABRUPT_TIMES: f64 = 8.0;
@@ -330,6 +333,12 @@ impl Before {
         if self.speed.abs() * self.period_s > ABRUPT_TIMES * flicker { flicker } else { 0.0 }
     }
 
+    /// The same for a joint that stands.
+    fn still_band(&self) -> f64 {
+        let flicker = FLICKER_STEPS * self.resolution;
+        if flicker <= LEAST_YIELD { flicker } else { 0.0 }
+    }
+
     /// Whether the joint moved at a steady speed: `last` is its way in the last period. One that comes to rest is slower there.
     fn steady(&self, last: f64) -> bool {
         let speed = self.speed.abs();
@@ -342,7 +351,7 @@ impl Before {
 impl Joint {
     /// Counts identical readings, `lost` samples after the last. `plan` is position and velocity of the plan.
     fn read(&mut self, q: f64, lost: u64, first: bool, plan: Option<(f64, f64)>, before: &Before) {
-        if !first && (q - self.still_at).abs() <= FLICKER_STEPS * before.resolution {
+        if !first && (q - self.still_at).abs() <= before.still_band() {
             if self.still == 0 {
                 self.error_before = self.model_error;
             }
