@@ -43,7 +43,7 @@ fn positions_in_turns_are_named_by_every_command() {
     each_command("07-positions-in-turns", |command, text| {
         assert!(text.contains("q1..6 in turns") && text.contains("multiply q1..6 by 6.283"), "{command}: {text}");
         if command == "diagnose" {
-            assert!(text.contains("not_evaluated"), "{text}");
+            assert!(text.contains("diagnose ur5e: not evaluated"), "{text}");
         }
     });
 }
@@ -270,7 +270,7 @@ fn late_torque_has_no_false_causes() {
             },
             |command, text| {
                 if command == "diagnose" {
-                    let is_void = text.contains("diagnose ur5e: not_evaluated");
+                    let is_void = text.contains("diagnose ur5e: not evaluated");
                     let causes =
                         ["presliding", "elasticity", "saturation", "payload", "gravity_direction", "link_inertia"];
                     let false_cause = causes.iter().find(|cause| text.contains(*cause));
