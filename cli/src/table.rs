@@ -33,21 +33,24 @@ pub(crate) fn show_verdict(text: &str) -> std::io::Result<()> {
     rivet_files::print(&with_bold_heads(&printable))
 }
 
-/// The first line and the words at the left of the lines after it in bold.
+/// The first line and the words at the left of the lines after it in bold, until something else follows: names of joints may look the
+/// same.
 fn with_bold_heads(text: &str) -> String {
     let bold = anstyle::Style::new().bold();
-    let mut out = String::with_capacity(text.len() + 256);
-    for (k, line) in text.split_inclusive('\n').enumerate() {
-        let is_head = |head: &str| head.starts_with(|c: char| c.is_ascii_uppercase());
+    let (first, mut rest) = text.split_at(text.find('\n').unwrap_or(text.len()));
+    let mut out = format!("{bold}{first}{bold:#}");
+    for line in rest.split_inclusive('\n') {
+        let is_head = line.starts_with("  ") && line[2..].starts_with(|c: char| c.is_ascii_uppercase());
         match (line.get(HEAD), line.get(HEAD.end..)) {
-            _ if k == 0 => out.extend([format!("{bold}{}{bold:#}", line.trim_end()), "\n".to_owned()]),
-            (Some(head), Some(rest)) if is_head(head) && line.starts_with("  ") => {
-                out.extend([format!("  {bold}{head}{bold:#}"), rest.to_owned()]);
+            (Some(head), Some(after)) if is_head => {
+                out += &["  ", &bold.to_string(), head, &bold.render_reset().to_string(), after].concat()
             }
-            _ => out.push_str(line),
+            _ if line == "\n" || line.starts_with("               ") => out.push_str(line),
+            _ => break,
         }
+        rest = &rest[line.len()..];
     }
-    out
+    out + rest
 }
 
 /// The same where a reader that has seen enough ends the command.
@@ -73,8 +76,8 @@ mod tests {
 
     #[test]
     fn heads_of_a_verdict_are_bold_and_its_tables_are_plain() {
-        let text = "diagnose a: no gap\n  Do           Set it\n               and more\n  joint_1            0.1\n";
-        let bold = "\u{1b}[1mdiagnose a: no gap\u{1b}[0m\n  \u{1b}[1mDo          \u{1b}[0m Set it\n               and more\n  joint_1            0.1\n";
+        let text = "diagnose a: no gap\n  Do           Set it\n               and more\n  gap by joint\n  Joint1             0.1\n";
+        let bold = "\u{1b}[1mdiagnose a: no gap\u{1b}[0m\n  \u{1b}[1mDo          \u{1b}[0m Set it\n               and more\n  gap by joint\n  Joint1             0.1\n";
         assert_eq!(with_bold_heads(text), bold);
     }
 }

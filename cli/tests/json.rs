@@ -130,6 +130,8 @@ fn mistakes_with_logs_say_what_they_are() {
         }
     };
     log(at, "run.csv", 1.0);
+    std::fs::copy(Path::new(&dd2).with_file_name("robot.urdf"), at.join("arm.urdf")).expect("copied");
+    refused("arm.urdf", "run.csv", 64, "arm.urdf: is a URDF; this command needs a robot file");
     refused("run.csv", &dd2, 64, "run.csv: is a log (CSV), where the arm is expected; the order is ROBOT.toml LOG");
     for (unit, factor) in [("ms", 1e3), ("us", 1e6), ("ns", 1e9)] {
         log(at, "scaled.csv", factor);

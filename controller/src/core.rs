@@ -111,7 +111,8 @@ pub struct Core {
     return_after: u32,
     adopt_from_seq: u64,
     last_seq: Option<u64>,
-    observed_seq: Option<u64>,
+    /// The last sample screened, and what was wrong with it.
+    screened: Option<(u64, Option<Wrong>)>,
     old: OldNumbers,
     stale_periods: u64,
     /// Periods with wrong samples, or with a refused plan, after which the arm is stopped.
@@ -240,7 +241,7 @@ impl Core {
             return_after: row,
             adopt_from_seq,
             last_seq: None,
-            observed_seq: None,
+            screened: None,
             old: OldNumbers::default(),
             stale_periods,
             bridged: periods(BRIDGED_S).max(2),
@@ -421,7 +422,7 @@ impl Core {
     /// wrong with it is wrong with the arm.
     pub fn observe(&mut self, sample: &JointState) {
         // One that comes twice, or after a newer one, says nothing that is new.
-        if self.observed_seq.is_some_and(|seen| sample.seq <= seen) {
+        if self.screened.is_some_and(|(seen, _)| sample.seq <= seen) {
             return;
         }
         if let Some(wrong) = self.watch.numbers(sample).or_else(|| self.screen(sample)) {
@@ -431,9 +432,9 @@ impl Core {
 
     /// Checks a sample whose numbers are valid, and remembers its torques if nothing is wrong with it.
     fn screen(&mut self, sample: &JointState) -> Option<Wrong> {
-        // Screened already, as one of those before the newest: what was wrong with it is remembered.
-        if self.observed_seq == Some(sample.seq) {
-            return None;
+        // One that comes twice is what it was: a check of differences would find nothing in it.
+        if let Some((_, found)) = self.screened.filter(|(seen, _)| *seen == sample.seq) {
+            return found;
         }
         let n = self.dof;
         let plan = self.plan.filter(|_| self.following).map(|(_, plan)| plan);
@@ -443,14 +444,14 @@ impl Core {
         let is_compared = sample.faults == 0 && wrong.is_none_or(|wrong| wrong.cause == StopCause::TooFast);
         let wrong = wrong.or(if is_compared { self.answers() } else { None });
         if wrong.is_none() && sample.faults == 0 {
-            if self.observed_seq.is_some_and(|last| last.checked_add(1) != Some(sample.seq)) {
+            if self.screened.is_some_and(|(last, _)| last.checked_add(1) != Some(sample.seq)) {
                 self.recent.restart_signals();
             }
             if self.recent.push(&sample.q[..n], &sample.tau[..n]) {
                 self.reconsider(&sample.q[..n]);
             }
         }
-        self.observed_seq = Some(sample.seq);
+        self.screened = Some((sample.seq, wrong));
         wrong
     }
 
@@ -510,7 +511,7 @@ impl Core {
                 self.wrong.get_or_insert(Wrong { cause: StopCause::OldSamples, joints: 0, lasting: false });
                 return Err(Skipped::Stale);
             }
-            (self.last_seq, self.observed_seq) = (None, None);
+            (self.last_seq, self.screened) = (None, None);
             self.newest = Newest::default();
             self.plan = None;
             self.recent.restart();

@@ -147,6 +147,29 @@ fn when_nobody_plans_any_more_the_arm_is_held() {
     assert_eq!(commands[1999], still[1999]);
 }
 
+/// A sample that is wrong stays wrong when the robot controller sends it again: at once, or a period later.
+#[test]
+fn a_wrong_sample_that_comes_twice_is_wrong_twice() {
+    for observed in [false, true] {
+        let mut core = core(&robot());
+        let plan =
+            |core: &mut rivet_controller::Core, seq| core.offer_setpoint(&setpoint(seq, &Q, &[0.0; 6], &[0.0; 6]));
+        for seq in 1..=100 {
+            plan(&mut core, seq);
+            core.tick(&state(seq, &Q)).expect("a sound sample");
+        }
+        plan(&mut core, 101);
+        let mut jumped = Q;
+        jumped[2] += 0.2;
+        if observed {
+            core.observe(&state(101, &jumped));
+        }
+        for _ in 0..2 {
+            assert_eq!(core.tick(&state(101, &jumped)), Err(Skipped::Invalid), "observed before: {observed}");
+        }
+    }
+}
+
 /// A plan that is far away is not jumped to, when the controller starts as after a stop.
 #[test]
 fn a_plan_is_joined_only_near_the_arm() {

@@ -7,9 +7,8 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use rivet_config::Robot;
-use rivet_diagnosis::Effect;
 use rivet_realtime::Shutdown;
-use rivet_report::words::{effect, percent};
+use rivet_report::words::{effect, is_value, percent};
 use rivet_report::{Cause, Document};
 use rivet_simulation::process::Options;
 use rivet_studies::hidden_effect::HiddenEffect;
@@ -27,7 +26,7 @@ const COLUMNS: usize = 80;
 const LONGEST: Duration = Duration::from_secs(120);
 /// Whether the true arm differs from the robot file in this: in a value that the file has, or by the payload.
 fn differs(name: &str) -> bool {
-    Effect::ALL.iter().any(|e| e.name() == name && (e.kind() == rivet_diagnosis::Kind::Value || name == "payload"))
+    is_value(name) || name == "payload"
 }
 
 /// The effect in the true arm.

@@ -239,6 +239,9 @@ mod tests {
             "{known}"
         );
         assert!(said(4, 4).ends_with("Confidence 0.90."), "eight names are no frequency: {}", said(4, 4));
+        let bins = vec![bin(30, 29), Bin { from: 0.97, to: 1.01, count: 20, right: 20, mean: 0.97 }];
+        let both = actions(std::slice::from_ref(&friction), &[], &[Score { confidence: bins, ..Score::default() }]);
+        assert!(both[0].ends_with("(49 of 50 names with 0.9 and more were right on blind cases)."), "{}", both[0]);
         let twice = actions(&[friction.clone(), friction], &[], &scores(30, 29));
         assert!(twice[1].ends_with("Confidence 0.90."), "once a range: {}", twice[1]);
     }
@@ -270,6 +273,9 @@ mod tests {
         let begins = |lines: Vec<String>| lines.iter().map(|line| line[..3].to_owned()).collect::<Vec<_>>();
         assert_eq!(begins(found.actions(&[])), ["Set", "Add"], "in the order of causes");
         assert_eq!(begins(found.actions_by_share(&[])), ["Add", "Set"]);
+        let causes = json!([with_share("rotor_inertia", 0.9), with_share("joint_spring", 0.1)]);
+        let found = document(&[("causes", causes)]);
+        assert_eq!(begins(found.actions_by_share(&[])), ["Add", "Set"], "a missing effect before wrong values");
     }
 
     #[test]

@@ -14,7 +14,6 @@ pub use self_check::{Power, SelfCheck};
 
 use std::collections::BTreeMap;
 
-use rivet_diagnosis::{Effect, Kind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -264,7 +263,7 @@ impl Cause {
 
     /// Whether it is a wrong value of the model, rather than an effect that the model lacks.
     pub(crate) fn is_value(&self) -> bool {
-        Effect::ALL.iter().any(|effect| effect.name() == self.effect && effect.kind() == Kind::Value)
+        crate::words::is_value(&self.effect)
     }
 
     /// Whether it stands by such a size: no effect of the list.

@@ -506,6 +506,7 @@ pub(crate) mod tests {
         };
         assert!(open("unexplained").contains("98 % of the squared gap above the noise stays unexplained"));
         assert!(!open("no_gap").contains("unexplained"), "{}", open("no_gap"));
+        assert!(!open("effect").contains("98 %"), "{}", open("effect"));
     }
 
     /// Friction that falls with speed below 0.1 rad/s, 13 times the noise, was "nothing is wrong" and no word more.

@@ -25,10 +25,14 @@ pub fn figure(x: f64, digits: i32) -> String {
     }
 }
 
+/// Whether a name is that of a wrong value of the model, rather than of an effect that the model lacks.
+pub fn is_value(name: &str) -> bool {
+    Effect::ALL.iter().any(|effect| effect.name() == name && effect.kind() == Kind::Value)
+}
+
 /// The name of a member of a class, which says whether the model has it with a wrong value.
 pub fn rival(name: &str) -> String {
-    let value = Effect::ALL.iter().any(|e| e.name() == name && e.kind() == Kind::Value);
-    if value { format!("a wrong value of {}", effect(name)) } else { effect(name) }
+    if is_value(name) { format!("a wrong value of {}", effect(name)) } else { effect(name) }
 }
 
 /// A verdict, as it stands in JSON, in words.

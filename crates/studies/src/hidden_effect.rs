@@ -15,8 +15,8 @@ const FRICTION_SHARE: f64 = 0.05;
 /// Share of the speed limit at which friction that is not linear in speed has its size.
 const SPEED_SHARE: f64 = 0.5;
 
-/// Rms torque in motion beside all parameters of the model, over the joint's noise, from which a recorded run shows an effect. A
-/// diagnosis is held to name what leaves half of the noise; a demonstration keeps twice of that.
+/// Rms torque after a refit of all parameters of the model, over the joint's noise, from which a recorded run shows an effect. A
+/// diagnosis is to name what leaves half of the noise; a demonstration keeps twice of that.
 const VISIBLE: f64 = 1.0;
 /// Draws until an effect is visible; then the most visible one is made large enough.
 const MOST_DRAWS: usize = 50;
@@ -77,8 +77,8 @@ pub struct HiddenEffect {
 }
 
 impl HiddenEffect {
-    /// Draws one that the robot file does not have and that a run along `motion` shows: it leaves at least the joint's noise beside
-    /// all parameters of the model.
+    /// Draws one that the robot file does not have and that a run along `motion` shows: it leaves at least the joint's noise
+    /// after a refit of all parameters of the model.
     ///
     /// # Errors
     /// The robot file has all of them, or no joint turns.
@@ -188,7 +188,7 @@ impl States {
         states
     }
 
-    /// Rms of the effect's torque beside all parameters of the model, over the noise of its joint.
+    /// Rms of the effect's torque after a refit of all parameters of the model, over the noise of its joint.
     fn remains(&self, robot: &Robot, effect: &HiddenEffect) -> f64 {
         let Some(known) = effect.known() else { return 0.0 };
         let (model, joint) = (&robot.model, effect.joint);

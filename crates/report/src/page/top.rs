@@ -86,7 +86,8 @@ mod tests {
     /// The answer stands before the first section, its figures folded; each picture has the words of what it shows.
     #[test]
     fn the_answer_and_its_pictures_come_first() {
-        let excerpt = |joint: &str| json!({"joint": joint, "from_s": 0.0, "step_s": 0.1, "measured": [1.0, 2.0], "given": [0.0, 1.0], "with_causes": [1.0, 2.0]});
+        // Two samples in motion that are 1 off, one at standstill that is 9 off.
+        let excerpt = |joint: &str| json!({"joint": joint, "from_s": 0.0, "step_s": 0.1, "measured": [1.0, 2.0, 9.0], "given": [0.0, 1.0, 0.0], "with_causes": [1.0, 2.0, 9.0], "standstill_s": [[0.2, 0.3]]});
         let gap_of = |joint: &str, before: f64| json!({"joint": joint, "before": 0.3, "after": 0.1, "noise_floor": 0.05, "in_motion": [before, 1.1]});
         let point = |at: f64| json!({"horizon_s": at, "position_before_rad": 0.04, "position_after_rad": 0.001, "torque_before": 0.2, "torque_after": 0.01});
         let more: [(&str, Value); 4] = [
@@ -105,6 +106,7 @@ mod tests {
         let top = page.split("<section").next().expect("the top");
         assert!(top.contains("<dt>Do</dt><dd>Add joint spring: stiffness 8.00 N m/rad."), "{top}");
         assert!(top.contains("far: 30 \u{2192} 1.1"), "{top}");
+        assert!(top.contains("residual in motion 1.00 N m rms") && top.matches("class=\"band\"").count() == 1, "{top}");
         assert_eq!(top.matches("<svg").count(), 2);
         assert!(top.contains("far, where") && !top.contains("near, where"), "the worst joint's torque: {top}");
         assert_eq!(page.matches("far, where the nominal model").count(), 2, "label and caption, once on the page");
