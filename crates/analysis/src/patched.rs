@@ -167,11 +167,9 @@ fn setpoints(motion: &SeparatingMotion, joint_zero: &[f64]) -> String {
     out
 }
 
-/// Effects that a file does not hold, in words. Rotor inertia is one of them: it outweighs the links of a geared joint.
+/// Effects and rotor inertia that a file does not hold, in words.
 fn missing_effects(report: &FormatReport) -> Option<String> {
-    let missing = report.items.iter().filter(|item| {
-        item.fidelity == Fidelity::Missing && (item.is_effect || item.what.starts_with("rotor inertia"))
-    });
+    let missing = report.items.iter().filter(|item| item.is_notable && item.fidelity == Fidelity::Missing);
     let names: Vec<&str> = missing.map(|item| item.what.as_str()).collect();
     (!names.is_empty()).then(|| names.join(", "))
 }

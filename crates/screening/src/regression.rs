@@ -194,13 +194,13 @@ impl Sums {
 
     /// Rms residual of each joint with the values `x`, over its torque's rms.
     pub(crate) fn residual(&self, x: &[f64]) -> Vec<f64> {
-        let of = |sums: &Option<JointSums>| {
+        let gain = |sums: &Option<JointSums>| {
             let Some(sums) = sums else { return f64::NAN };
             let x = padded(x, sums.cross.len());
             let left = sums.square - 2.0 * sums.cross.dot(&x) + x.dot(&(&*sums.gram * &x));
             (left.max(0.0) / sums.rows).sqrt() / sums.size
         };
-        self.joints.iter().map(of).collect()
+        self.joints.iter().map(gain).collect()
     }
 
     /// Rms of the torque of the values `x` over each limit \[-\]; 0 where a joint shows nothing.

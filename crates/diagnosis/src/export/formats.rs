@@ -53,8 +53,8 @@ impl Fidelity {
 pub struct FormatItem {
     /// What, for people.
     pub what: String,
-    /// Whether it is an effect beside the model's values.
-    pub is_effect: bool,
+    /// Whether people are to know that a format lacks it: effects, and rotor inertia, which outweighs the links of a geared joint.
+    pub is_notable: bool,
     /// Whether the format has it.
     pub fidelity: Fidelity,
     /// Where it stands, or why it does not.
@@ -228,9 +228,12 @@ pub(crate) fn reports(found: &Carrying<'_>, given: &Carrying<'_>, measured: &[Ve
                 }
                 items.push(FormatItem {
                     what: part.what.clone(),
-                    is_effect: matches!(
+                    is_notable: matches!(
                         part.kind,
-                        PartKind::Effect(_) | PartKind::LoadFriction | PartKind::ViscousQuadratic
+                        PartKind::Effect(_)
+                            | PartKind::LoadFriction
+                            | PartKind::ViscousQuadratic
+                            | PartKind::Group(Group::RotorInertia)
                     ),
                     fidelity: if place.is_ok() { Fidelity::Exact } else { Fidelity::Missing },
                     place: place.unwrap_or_else(|why| why),

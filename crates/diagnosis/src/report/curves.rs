@@ -236,8 +236,8 @@ fn travel(q: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// The stretches of the sealed run where the model as given is furthest off, on the joints where it is; one of them is among `named`,
-/// where there are such. `noise`: of the joints' torque \[N·m\].
+/// The stretches of the held-out run where the nominal model is furthest off, on the joints where it is. One joint is of `named`, unless
+/// that is empty. `noise`: of the joints' torque \[N·m\].
 pub(crate) fn excerpts(
     run: &Prepared,
     stages: &Stages,

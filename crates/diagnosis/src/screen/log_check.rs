@@ -179,8 +179,8 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// The factor by which a torque is off if it is by about two. A load makes bodies heavier, wear or cold makes friction larger. Both
-/// together look like a factor where all of the joint's bodies turn about its axis as a load at the flange does: there they are the
-/// more probable cause, and this is none.
+/// together look like a factor where all of the joint's bodies turn about its axis as a load at the flange does. There they are the
+/// more probable cause, and no factor is returned.
 fn factor(tau: &[f64], bodies: &[f64], at_flange: Option<&[f64]>, drive: &[f64]) -> Option<f64> {
     let [bb, bd, dd] = [dot(bodies, bodies), dot(bodies, drive), dot(drive, drive)];
     let (bt, dt, tt) = (dot(bodies, tau), dot(drive, tau), dot(tau, tau));
@@ -194,9 +194,9 @@ fn factor(tau: &[f64], bodies: &[f64], at_flange: Option<&[f64]>, drive: &[f64])
     let fits_better = || {
         let whole: Vec<f64> = bodies.iter().zip(drive).map(|(body, drive)| body + drive).collect();
         let unit = apart(tau, &[whole]);
-        let beside_bodies: Vec<f64> = tau.iter().zip(bodies).map(|(tau, body)| tau - body).collect();
+        let without_bodies: Vec<f64> = tau.iter().zip(bodies).map(|(tau, body)| tau - body).collect();
         let others: Vec<Vec<f64>> = at_flange.into_iter().chain([drive]).map(<[f64]>::to_vec).collect();
-        let load = apart(&beside_bodies, &others);
+        let load = apart(&without_bodies, &others);
         dot(&unit, &unit) < POLICY.screening.max_load_residual_share * dot(&load, &load)
     };
     (off && shape > POLICY.screening.min_whole_correlation
