@@ -14,6 +14,7 @@ pub use self_check::{Power, SelfCheck};
 
 use std::collections::BTreeMap;
 
+use rivet_diagnosis::{Effect, Kind};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -263,7 +264,7 @@ impl Cause {
 
     /// Whether it is a wrong value of the model, rather than an effect that the model lacks.
     pub(crate) fn is_value(&self) -> bool {
-        crate::words::is_value(&self.effect)
+        is_value(&self.effect)
     }
 
     /// Whether it stands by such a size: no effect of the list.
@@ -310,6 +311,11 @@ impl Document {
         }
         self
     }
+}
+
+/// Whether a name is that of a wrong value of the model, rather than of an effect that the model lacks.
+pub fn is_value(name: &str) -> bool {
+    Effect::ALL.iter().any(|effect| effect.name() == name && effect.kind() == Kind::Value)
 }
 
 /// Whether a cause is a touch from outside.

@@ -20,7 +20,7 @@ pub use changes::{Changes, JointChange, Kept, Pair, ValueChange};
 pub use document::{
     Cause, Cell, Clock, ClockOff, Curve, DataUse, Document, Excerpt, Figures, Format, FormatItem, Gap, Input, JointGap,
     Left, LogFinding, Magnitude, Number, Order, Parameter, Passport, Point, Power, SCHEMA, SelfCheck, Shrink, Stage,
-    Tool,
+    Tool, is_value,
 };
 pub use export::formats;
 pub use page::page;

@@ -1,8 +1,6 @@
 //! Figures and names as a person reads them.
 
-use rivet_diagnosis::{Effect, Kind};
-
-use crate::document::{Document, Number, Parameter};
+use crate::document::{Document, Number, Parameter, is_value};
 
 pub use crate::terms::effect;
 
@@ -23,11 +21,6 @@ pub fn figure(x: f64, digits: i32) -> String {
     } else {
         format!("{x:.*e}", (digits - 1).max(0) as usize)
     }
-}
-
-/// Whether a name is that of a wrong value of the model, rather than of an effect that the model lacks.
-pub fn is_value(name: &str) -> bool {
-    Effect::ALL.iter().any(|effect| effect.name() == name && effect.kind() == Kind::Value)
 }
 
 /// The name of a member of a class, which says whether the model has it with a wrong value.

@@ -194,13 +194,13 @@ impl Sums {
 
     /// Rms residual of each joint with the values `x`, over its torque's rms.
     pub(crate) fn residual(&self, x: &[f64]) -> Vec<f64> {
-        let gain = |sums: &Option<JointSums>| {
+        let of = |sums: &Option<JointSums>| {
             let Some(sums) = sums else { return f64::NAN };
             let x = padded(x, sums.cross.len());
             let left = sums.square - 2.0 * sums.cross.dot(&x) + x.dot(&(&*sums.gram * &x));
             (left.max(0.0) / sums.rows).sqrt() / sums.size
         };
-        self.joints.iter().map(gain).collect()
+        self.joints.iter().map(of).collect()
     }
 
     /// Rms of the torque of the values `x` over each limit \[-\]; 0 where a joint shows nothing.
@@ -241,14 +241,14 @@ impl Sums {
     /// Log likelihood ratio of each torque as the arm's of the values `x`, times the most likely factor, over a torque that has nothing of
     /// the arm: a channel of noise.
     pub(crate) fn factor_gains(&self, x: &[f64]) -> Vec<f64> {
-        let of = |sums: &Option<JointSums>| {
+        let gain = |sums: &Option<JointSums>| {
             let Some(sums) = sums.as_ref() else { return 0.0 };
             let x = padded(x, sums.cross.len());
             let (common, square) = (sums.cross.dot(&x).max(0.0), x.dot(&(&*sums.gram * &x)));
             let explained = (common * common / (square * sums.square).max(f64::MIN_POSITIVE)).min(1.0);
             -0.5 * counted(sums) * (1.0 - explained).max(f64::EPSILON).ln()
         };
-        self.joints.iter().map(of).collect()
+        self.joints.iter().map(gain).collect()
     }
 
     /// Rms of the torque of the values `x` over that of the torque as read; none where there is none.

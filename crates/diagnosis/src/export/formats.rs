@@ -233,7 +233,7 @@ pub(crate) fn reports(found: &Carrying<'_>, given: &Carrying<'_>, measured: &[Ve
                         PartKind::Effect(_)
                             | PartKind::LoadFriction
                             | PartKind::ViscousQuadratic
-                            | PartKind::Group(Group::RotorInertia)
+                            | PartKind::Group(ParameterGroup::RotorInertia)
                     ),
                     fidelity: if place.is_ok() { Fidelity::Exact } else { Fidelity::Missing },
                     place: place.unwrap_or_else(|why| why),
