@@ -43,7 +43,7 @@ fn with_bold_heads(text: &str) -> String {
         let is_head = line.starts_with("  ") && line[2..].starts_with(|c: char| c.is_ascii_uppercase());
         match (line.get(HEAD), line.get(HEAD.end..)) {
             (Some(head), Some(after)) if is_head => {
-                out += &["  ", &bold.to_string(), head, &bold.render_reset().to_string(), after].concat()
+                out.push_str(&["  ", &bold.to_string(), head, &bold.render_reset().to_string(), after].concat());
             }
             _ if line == "\n" || line.starts_with("               ") => out.push_str(line),
             _ => break,
