@@ -290,7 +290,8 @@ pub(super) fn stretch(e: &Excerpt, why: &str, document: &Document) -> String {
     for (signal, class) in [(&e.given, "given"), (&e.with_causes, "found"), (&e.measured, "measured")] {
         plot.line(signal.iter().enumerate().map(|(k, v)| (time(k), *v)), class);
     }
-    let moves = |k: usize| !e.standstill_s.iter().any(|[from, to]| (*from..*to).contains(&time(k)));
+    // Ends of stretches are rounded and lie between samples.
+    let moves = |k: usize| !e.standstill_s.iter().any(|[from, to]| (*from..*to).contains(&(time(k) + 0.5 * e.step_s)));
     let rms = |model: &[f64]| {
         let moving = e.measured.iter().zip(model).enumerate().filter(|(k, _)| moves(*k));
         let (square, count) = moving.fold((0.0, 0), |(sum, n), (_, (a, b))| (sum + (a - b).powi(2), n + 1));

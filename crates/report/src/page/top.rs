@@ -86,8 +86,8 @@ mod tests {
     /// The answer stands before the first section, its figures folded; each picture has the words of what it shows.
     #[test]
     fn the_answer_and_its_pictures_come_first() {
-        // Two samples in motion that are 1 off, one at standstill that is 9 off.
-        let excerpt = |joint: &str| json!({"joint": joint, "from_s": 0.0, "step_s": 0.1, "measured": [1.0, 2.0, 9.0], "given": [0.0, 1.0, 0.0], "with_causes": [1.0, 2.0, 9.0], "standstill_s": [[0.2, 0.3]]});
+        // One sample at standstill that is 9 off, two in motion that are 1 off.
+        let excerpt = |joint: &str| json!({"joint": joint, "from_s": 0.0, "step_s": 0.1, "measured": [9.0, 1.0, 2.0], "given": [0.0, 0.0, 1.0], "with_causes": [9.0, 1.0, 2.0], "standstill_s": [[0.0, 0.1]]});
         let gap_of = |joint: &str, before: f64| json!({"joint": joint, "before": 0.3, "after": 0.1, "noise_floor": 0.05, "in_motion": [before, 1.1]});
         let point = |at: f64| json!({"horizon_s": at, "position_before_rad": 0.04, "position_after_rad": 0.001, "torque_before": 0.2, "torque_after": 0.01});
         let more: [(&str, Value); 4] = [
