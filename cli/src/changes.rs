@@ -3,10 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use rivet_report::words::{effect, figure, joints, percent, quantity};
 use rivet_report::{Changes, Document, Number, Pair};
 
+use crate::documents::read_document;
 use crate::exit::Mismatch;
 use crate::outputs::{Outputs, write_json};
 use crate::table::{Table, paragraph, show};
@@ -35,14 +36,8 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     Ok(ExitCode::from(u8::from(!changes.is_same())))
 }
 
-/// Longest document \[bytes\]. A diagnosis of eight joints with all its series has some 2 MB. (`serde_json` refuses what is nested more
-/// than 128 deep.)
-const MAX_DOCUMENT_BYTES: u64 = 64 << 20;
-
 fn read(path: &Path) -> Result<Document> {
-    let bytes = rivet_files::read_whole(path, MAX_DOCUMENT_BYTES).with_context(|| path.display().to_string())?;
-    serde_json::from_slice(&bytes)
-        .with_context(|| format!("{} is no diagnosis; give a file that `rivet diagnose --json` wrote", path.display()))
+    read_document(path, "a diagnosis", "rivet diagnose --json")
 }
 
 fn as_text(changes: &Changes, a: &Document) -> String {

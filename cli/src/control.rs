@@ -1,6 +1,8 @@
 //! `rivet control`: asks a running rivetd or rivet-controller for something.
 
 use anyhow::{Context as _, Result, bail};
+use clap::ValueEnum as _;
+use clap::builder::{PathBufValueParser, TypedValueParser as _};
 use rivet_ipc_schema::{Bus, BusConfig, ControlCommand, ControlStatus, RobotName};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -10,7 +12,7 @@ use std::time::Duration;
 #[derive(clap::Args)]
 pub(crate) struct OnBus {
     /// The robot file.
-    #[arg(value_name = "ROBOT.toml")]
+    #[arg(value_name = "ROBOT.toml", value_parser = PathBufValueParser::new().try_map(no_command))]
     pub(crate) robot: PathBuf,
     /// Override `[bus] prefix`.
     #[arg(long)]
@@ -18,6 +20,15 @@ pub(crate) struct OnBus {
     /// Override `[bus] root`.
     #[arg(long)]
     pub(crate) root: Option<PathBuf>,
+}
+
+/// That a robot file stands before a command.
+fn no_command(path: PathBuf) -> Result<PathBuf, String> {
+    let is_command = path.to_str().is_some_and(|text| Word::from_str(text, false).is_ok());
+    if is_command && !path.exists() {
+        return Err("this is a command; the robot file comes first: ROBOT.toml COMMAND".to_owned());
+    }
+    Ok(path)
 }
 
 impl OnBus {

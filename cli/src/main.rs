@@ -14,6 +14,7 @@ mod convert;
 mod demo;
 mod diagnose;
 mod doctor;
+mod documents;
 mod exit;
 mod figures;
 mod fleet;
@@ -163,7 +164,7 @@ fn main() -> ExitCode {
         Command::Sim(options) => return rivet_simulation::process::main(options),
     };
     result.unwrap_or_else(|why| {
-        rivet_files::note(format_args!("rivet: {why:#}"));
+        table::show_failure(&why);
         // A robot file that cannot be used is told apart, as by the daemon; so is a log.
         ExitCode::from(exit::code(&why))
     })

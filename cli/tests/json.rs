@@ -131,7 +131,9 @@ fn mistakes_with_logs_say_what_they_are() {
     };
     log(at, "run.csv", 1.0);
     std::fs::copy(Path::new(&dd2).with_file_name("robot.urdf"), at.join("arm.urdf")).expect("copied");
-    refused("arm.urdf", "run.csv", 64, "arm.urdf: is a URDF; this command needs a robot file");
+    refused("arm.urdf", "run.csv", 78, "arm.urdf: is a URDF, not a robot file; `rivet new arm.urdf LOG");
+    refused(&dd2, &dd2, 65, "robot.toml: is a TOML file, not a recording");
+    refused(&dd2, "arm.urdf", 65, "arm.urdf: is a URDF, not a recording");
     refused("run.csv", &dd2, 64, "run.csv: is a log (CSV), where the arm is expected; the order is ROBOT.toml LOG");
     for (unit, factor) in [("ms", 1e3), ("us", 1e6), ("ns", 1e9)] {
         log(at, "scaled.csv", factor);
@@ -152,5 +154,43 @@ fn mistakes_with_logs_say_what_they_are() {
     refused(&dd2, "head.csv", 65, "head.csv: is empty: it has columns and no rows");
     let output = rivet(at, &["inspect", &dd2, "run.csv"]);
     let text = String::from_utf8_lossy(&output.stderr);
-    assert!(text.contains("the order is RECORDING ROBOT.toml"), "{text}");
+    assert!(text.contains("RECORDING ROBOT.toml"), "{text}");
+}
+
+/// Any file in the place of any other is called what it is, with what to give instead.
+#[test]
+fn a_file_in_the_place_of_another_is_named() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = folder.path();
+    log(at, "run.csv", 1.0);
+    let dd2 = robot("dd2");
+    std::fs::copy(&dd2, at.join("arm.toml")).expect("copied");
+    for copy in ["arm.urdf", "robot.urdf"] {
+        std::fs::copy(Path::new(&dd2).with_file_name("robot.urdf"), at.join(copy)).expect("copied");
+    }
+    for (name, text) in [("empty", ""), ("arm.xml", "<mujoco/>"), ("old.json", "{}"), ("blank", " \n")] {
+        std::fs::write(at.join(name), text).expect("written");
+    }
+    let robot_files: [&[&str]; 3] = [&["check"], &["monitor"], &["doctor"]];
+    let urdfs: [&[&str]; 2] = [&["new", "--output", "out.toml"], &["inspect", "run.csv"]];
+    let recordings: [&[&str]; 2] = [&["inspect"], &["diagnose", "arm.toml"]];
+    let documents: [&[&str]; 2] = [&["compare", "old.json"], &["blind", "score", "old.json"]];
+    let tried: [(&[&[&str]], &[&str], &str); 4] = [
+        (&robot_files, &["empty", "blank", "arm.urdf", "arm.xml", "old.json", "run.csv", "."], "not a robot file"),
+        (&urdfs, &["empty", "blank", "arm.xml", "old.json"], "not a URDF"),
+        (&recordings, &["arm.toml", "arm.urdf", "arm.xml", "old.json"], "not a recording"),
+        (&documents, &["empty", "arm.toml", "arm.urdf", "run.csv"], "not a"),
+    ];
+    for (commands, files, words) in tried {
+        for (command, file) in commands.iter().flat_map(|command| files.iter().map(move |file| (command, file))) {
+            let output = rivet(at, &[command, &[*file][..]].concat());
+            let text = String::from_utf8_lossy(&output.stderr);
+            assert!(!output.status.success() && text.contains(words), "{command:?} {file}: {text}");
+            assert!(text.lines().count() == 1 && !text.contains("UTF-8"), "{command:?} {file}: {text}");
+            let is_empty = ["empty", "blank"].contains(file);
+            assert!(!is_empty || text.contains("is an empty file"), "{command:?} {file}: {text}");
+        }
+    }
+    let output = rivet(at, &["control", "save", "arm.toml"]);
+    assert!(String::from_utf8_lossy(&output.stderr).contains("the robot file comes first"), "{output:?}");
 }

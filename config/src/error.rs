@@ -43,7 +43,7 @@ impl<'a> Source<'a> {
 pub struct ConfigError {
     /// The file the place is in, as the caller named it.
     pub file: PathBuf,
-    /// Line, from 1.
+    /// Line, from 1; 0 where it is the file as a whole.
     pub line: usize,
     /// Column in characters, from 1.
     pub column: usize,
@@ -111,14 +111,18 @@ impl ConfigError {
 
     /// An error of the file as a whole: it cannot be read.
     pub(crate) fn of_file(file: &Path, rule: impl Into<String>, hint: impl Into<String>) -> ConfigError {
-        ConfigError::nowhere(file, "file", &file.display().to_string(), rule, hint)
+        ConfigError { line: 0, column: 0, ..ConfigError::nowhere(file, "", "", rule, hint) }
     }
 }
 
 impl fmt::Display for ConfigError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let escape = rivet_files::printable;
-        write!(f, "{}:{}:{}: ", escape(&self.file.to_string_lossy()), self.line, self.column)?;
+        write!(f, "{}", escape(&self.file.to_string_lossy()))?;
+        match self.line {
+            0 => f.write_str(": ")?,
+            line => write!(f, ":{line}:{}: ", self.column)?,
+        }
         match (self.key.is_empty(), self.value.is_empty()) {
             (false, false) => write!(f, "{} = {}: ", escape(&self.key), escape(&self.value))?,
             (false, true) => write!(f, "{}: ", escape(&self.key))?,
@@ -155,6 +159,11 @@ impl ConfigErrors {
 
 impl fmt::Display for ConfigErrors {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let [whole] = &self.errors[..]
+            && whole.line == 0
+        {
+            return write!(f, "{whole}");
+        }
         for error in self.errors.iter().take(MOST_SHOWN) {
             writeln!(f, "{error}")?;
             let Some((line, marked)) = &error.snippet else { continue };

@@ -22,7 +22,7 @@ pub use error::{ConfigError, ConfigErrors};
 pub use rivet_estimation::{Differentiator, EstimatorKind, Filtering, InputSignals, Instruments, Supervision};
 
 pub use friction_law::FrictionLaw;
-pub use load::{Description, Identified, MAX_FILE_BYTES, Robot, address, load, parse};
+pub use load::{Description, Identified, MAX_FILE_BYTES, NoUrdf, Robot, address, load, parse, urdf_text};
 pub use reader::{Origin, Resolved, Value};
 pub use sections::{
     Bus, Controller, Coupling, Drive, Estimator, Friction, Law, Log, LogChannel, Overrun, Publish, Realtime,

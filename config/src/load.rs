@@ -1,5 +1,6 @@
 //! From a file to a [`Robot`]: configuration, model, base parameters, all checked.
 
+use std::fmt;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -7,6 +8,7 @@ use rivet_dynamics::{
     Arm, BaseSet, Joints, KnownEffects, LinkParameters, Model, Proposal, Structure, UrdfArm, UrdfKey, UrdfNote,
     UrdfOptions, WristCoupling, guess_bodies, model_hash,
 };
+use rivet_files::Content;
 use toml::de::DeTable;
 
 use crate::error::{ConfigError, ConfigErrors, MOST_KEPT, Source};
@@ -80,7 +82,21 @@ impl Robot {
 /// Every mistake in the file, not only the first.
 pub fn load(path: impl AsRef<Path>) -> Result<Robot, ConfigErrors> {
     let path = path.as_ref();
-    parse(path, &text_of(path)?)
+    text_of(path).and_then(|text| parse(path, &text)).map_err(|why| instead_of_robot_file(path).unwrap_or(why))
+}
+
+/// That a file of another kind stands where a robot file has to; none where it may be one.
+fn instead_of_robot_file(path: &Path) -> Option<ConfigErrors> {
+    let content = Content::of(path).ok()?;
+    let shown = path.display();
+    let hint = match content {
+        Content::Toml | Content::Unknown => return None,
+        Content::Empty => "`rivet new URDF LOG -o ROBOT.toml` writes one".to_owned(),
+        Content::Urdf => format!("`rivet new {shown} LOG -o ROBOT.toml` writes one for this arm"),
+        Content::Table | Content::Recording(_) => "the robot file comes before recordings".to_owned(),
+        _ => "give the path of a robot.toml".to_owned(),
+    };
+    Some(ConfigErrors::new(vec![ConfigError::of_file(path, format!("is {content}, not a robot file"), hint)]))
 }
 
 fn text_of(path: &Path) -> Result<String, ConfigErrors> {
@@ -97,6 +113,10 @@ fn text_of(path: &Path) -> Result<String, ConfigErrors> {
 /// Every mistake in the file, where name or bus cannot be read.
 pub fn address(path: impl AsRef<Path>) -> Result<(String, Bus), ConfigErrors> {
     let path = path.as_ref();
+    address_in(path).map_err(|why| instead_of_robot_file(path).unwrap_or(why))
+}
+
+fn address_in(path: &Path) -> Result<(String, Bus), ConfigErrors> {
     let text = text_of(path)?;
     if toml_limits::ensure_bounded(&text).is_err() {
         return parse(path, &text).map(|robot| (robot.config.name, robot.config.bus));
@@ -301,6 +321,50 @@ fn load_bodies(
     Some(other.links)
 }
 
+/// Why a file cannot be a URDF. `Display` gives the rule: `is a TOML file, not a URDF`.
+#[derive(Debug)]
+pub enum NoUrdf {
+    /// It cannot be read.
+    Io(std::io::Error),
+    /// It holds something else.
+    Other(Content),
+}
+
+impl NoUrdf {
+    /// What to do about it; none where the file is not there or cannot be read.
+    pub fn mend(&self) -> Option<&'static str> {
+        Some(match self {
+            NoUrdf::Io(_) => return None,
+            NoUrdf::Other(Content::Toml) => "give the URDF; a robot file names it in `urdf`",
+            NoUrdf::Other(Content::Mjcf | Content::Sdf) => "export the arm as URDF: only that is read",
+            NoUrdf::Other(_) => "give the URDF of the arm",
+        })
+    }
+}
+
+impl fmt::Display for NoUrdf {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            NoUrdf::Io(why) => write!(f, "cannot be read ({why})"),
+            NoUrdf::Other(content) => write!(f, "is {content}, not a URDF"),
+        }
+    }
+}
+
+impl std::error::Error for NoUrdf {}
+
+/// The text of a URDF, which may still be wrong; what is certainly none is refused by what it is.
+///
+/// # Errors
+/// It cannot be read, has more than [`MAX_FILE_BYTES`], or holds something else.
+pub fn urdf_text(path: &Path) -> Result<String, NoUrdf> {
+    match Content::of(path).map_err(NoUrdf::Io)? {
+        Content::Urdf | Content::Xml | Content::Unknown => {}
+        other => return Err(NoUrdf::Other(other)),
+    }
+    rivet_files::read_text(path, MAX_FILE_BYTES).map_err(NoUrdf::Io)
+}
+
 /// How URDFs are read.
 struct Reading<'a> {
     gravity: [f64; 3],
@@ -315,11 +379,11 @@ fn read_urdf(
     written: &str,
     how: &Reading<'_>,
 ) -> Option<UrdfArm> {
-    let text = match rivet_files::read_text(urdf, MAX_FILE_BYTES) {
+    let text = match urdf_text(urdf) {
         Ok(text) => text,
         Err(why) => {
-            let hint = format!("the path is relative to this file; looked for {}", urdf.display());
-            reader.reject(key.0, key.1, format!("cannot be read ({why})"), hint);
+            let looked = || format!("the path is relative to this file; looked for {}", urdf.display());
+            reader.reject(key.0, key.1, why.to_string(), why.mend().map_or_else(looked, str::to_owned));
             return None;
         }
     };

@@ -151,7 +151,7 @@ const READING: &str = "most probable reading";
 fn is_parameter(command: &str, text: &str) {
     assert!(!text.contains(READING), "{command}: {text}");
     if command == "diagnose" {
-        assert!(text.contains("diagnose ur5e: wrong values") && text.contains("viscous_friction"), "{text}");
+        assert!(text.contains("diagnose ur5e: wrong values") && text.contains("viscous friction"), "{text}");
     }
 }
 

@@ -4,15 +4,19 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context as _, Result, bail};
 use rivet_report::{Bin, CONFIDENCES, Group, Outcome, Prediction, STRENGTHS, Score};
 use serde::Deserialize;
+use serde::de::DeserializeOwned;
 
+use crate::documents::read_document;
 use crate::outputs::{Outputs, write_json};
 use crate::table::{Table, paragraph, show};
 
 /// Effects with less torque than this, in units of the torque noise, nobody can see.
 const VISIBLE: f64 = 0.5;
+/// The effect of a gear that is elastic.
+const ELASTICITY: &str = "joint_elasticity";
 /// A prediction is good within so much of the measured shrink.
 const CLOSE: f64 = 0.05;
 /// Wrong values that are right to name, but no answer, where the nominal model is wrong throughout.
@@ -42,8 +46,11 @@ pub(crate) struct Args {
 struct Answer {
     effects: Vec<True>,
     torque_change_over_noise: Vec<f64>,
-    /// Present where every value of the nominal model is wrong.
+    /// How wrong every value of the nominal model is; 0 or absent where they are those of the arm.
     nominal_error: Option<f64>,
+    /// Torque of each joint's own elastic gear over the noise, of an arm that has elastic gears beside its effects.
+    #[serde(default)]
+    gear_elasticity_over_noise: Vec<f64>,
 }
 
 #[derive(Deserialize)]
@@ -92,6 +99,23 @@ impl Cause {
 }
 
 impl Answer {
+    /// Whether a cause on joints (from 0) is of the case: one of its effects, or a gear of the arm whose elasticity can be seen.
+    fn has(&self, cause: &Cause, joints: &[usize], is: impl Fn(&True) -> bool) -> bool {
+        let seen = |joint: &usize| self.gear_elasticity_over_noise.get(*joint).is_some_and(|torque| *torque > VISIBLE);
+        let is_gear = cause.effect == ELASTICITY && !joints.is_empty() && joints.iter().all(seen);
+        is_gear || self.effects.iter().any(is)
+    }
+
+    /// Whether every value of the nominal model is wrong.
+    fn is_file_wrong(&self) -> bool {
+        self.nominal_error.is_some_and(|error| error > 0.0)
+    }
+
+    /// Whether the case holds an effect that no library has (`outside`, `outside:hose_hysteresis`).
+    fn is_outside(&self) -> bool {
+        self.effects.iter().any(|e| e.effect.split(':').next() == Some("outside"))
+    }
+
     /// Largest torque of an effect on any joint, over the noise.
     fn strength(&self, truth: &True) -> f64 {
         let change = truth.torque_change_over_noise.as_ref().unwrap_or(&self.torque_change_over_noise);
@@ -153,13 +177,8 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Longest file of verdicts or answers \[bytes\]: a case has some 5 kB.
-const MAX_DOCUMENT_BYTES: u64 = 64 << 20;
-
-fn read<T: for<'de> Deserialize<'de>>(path: &Path) -> Result<T> {
-    let bytes = rivet_files::read_whole(path, MAX_DOCUMENT_BYTES).with_context(|| path.display().to_string())?;
-    serde_json::from_slice(&bytes)
-        .with_context(|| format!("{} is no list of cases; give files that `rivet blind` wrote", path.display()))
+fn read<T: DeserializeOwned>(path: &Path) -> Result<T> {
+    read_document(path, "a list of cases", "rivet blind")
 }
 
 fn or_dash(names: &[&str]) -> String {
@@ -169,7 +188,7 @@ fn or_dash(names: &[&str]) -> String {
 /// Whether a cause counts as a name: wrong values do not where all values are wrong, unless their class holds something else.
 fn counts(answer: &Answer, cause: &Cause) -> bool {
     let mut class = std::iter::once(&cause.effect).chain(&cause.indistinguishable_from);
-    answer.nominal_error.is_none() || class.any(|name| !VALUES.contains(&name.as_str()))
+    !answer.is_file_wrong() || class.any(|name| !VALUES.contains(&name.as_str()))
 }
 
 /// Scores in the making.
@@ -180,19 +199,23 @@ impl Tally {
     fn add(&mut self, answer: &Answer, found: &Found) -> String {
         self.shrinks(found);
         let names: Vec<&Cause> = found.causes.iter().filter(|c| counts(answer, c)).collect();
+        let place = |name: &String| found.gap.per_joint.iter().position(|j| j.joint == *name);
+        let joints = |cause: &Cause| cause.joints.iter().filter_map(place).collect::<Vec<usize>>();
         for cause in &names {
             self.0.names += 1;
             self.0.classes += usize::from(!cause.indistinguishable_from.is_empty());
             self.0.class_members += cause.indistinguishable_from.len();
             if let Some(sure) = cause.confidence {
-                Bin::add(&mut self.0.confidence, sure, answer.effects.iter().any(|t| cause.effect == t.effect));
+                let right = answer.has(cause, &joints(cause), |t| cause.effect == t.effect);
+                Bin::add(&mut self.0.confidence, sure, right);
             }
         }
-        if answer.effects.iter().any(|e| e.effect == "outside") {
+        if answer.is_outside() {
             self.outcome("outside", names.is_empty(), false, found, &names);
             return if names.is_empty() { String::new() } else { "misnamed".to_owned() };
         }
-        let false_names = names.iter().filter(|c| !answer.effects.iter().any(|t| c.is(t))).count();
+        let beside = |c: &&&Cause| !answer.has(c, &joints(c), |t| c.is(t));
+        let false_names = names.iter().filter(beside).count();
         self.0.beside += false_names;
         let group = self.group(answer);
         group.cases += 1;
@@ -209,18 +232,16 @@ impl Tally {
             words.push("not visible");
         }
         self.0.invisible += answer.effects.iter().filter(|truth| !seen(truth)).count();
-        let place = |name: &String| found.gap.per_joint.iter().position(|j| j.joint == *name);
         for truth in answer.effects.iter().filter(seen) {
             let named = names.iter().find(|c| c.effect == truth.effect);
             let in_class = names.iter().find(|c| c.is(truth));
             // What another cause of the case is right about is not said instead of this one.
-            let instead: Vec<&Cause> =
-                names.iter().filter(|c| !answer.effects.iter().any(|t| c.is(t))).copied().collect();
+            let instead: Vec<&Cause> = names.iter().filter(beside).copied().collect();
             self.outcome(&truth.effect, named.is_some(), in_class.is_some(), found, &instead);
             let cause = named.or(in_class);
             Bin::add(&mut self.0.strength, answer.strength(truth), cause.is_some());
             let right = cause.is_some_and(|cause| {
-                let joints: Vec<usize> = cause.joints.iter().filter_map(place).collect();
+                let joints = joints(cause);
                 // An effect of the whole arm, or of the flange, needs no joint.
                 let whole = cause.joints.is_empty() || truth.joints.len() == found.gap.per_joint.len();
                 whole || truth.joints.iter().all(|j| joints.contains(j))
@@ -258,7 +279,7 @@ impl Tally {
 
     /// Where cases like this one are counted.
     fn group(&mut self, answer: &Answer) -> &mut Group {
-        let (wrong_nominal, effects) = (answer.nominal_error.is_some(), answer.effects.len());
+        let (wrong_nominal, effects) = (answer.is_file_wrong(), answer.effects.len());
         let groups = &mut self.0.groups;
         let place = groups.iter().position(|g| g.wrong_nominal == wrong_nominal && g.effects == effects);
         let place = place.unwrap_or_else(|| {
@@ -387,6 +408,31 @@ mod tests {
         assert_eq!(sure, [(4, 2)]);
         // 0.5 for 0.58: not within five points, within its interval.
         assert_eq!((tally.0.predictions, tally.0.close, tally.0.covered), (4, 0, 4));
+    }
+
+    #[test]
+    fn a_gear_of_the_arm_that_is_elastic_is_no_false_name() {
+        let elastic = |gears: &[f64]| {
+            let mut answer = json!({ "effects": [], "torque_change_over_noise": [0.0, 0.0] });
+            answer["gear_elasticity_over_noise"] = json!(gears);
+            serde_json::from_value::<Answer>(answer).expect("an answer")
+        };
+        let named = || found("effect", &[(ELASTICITY, &["b"], &[])]);
+        let (tally, _) =
+            tally(&[(elastic(&[0.0, 2.0]), named()), (elastic(&[2.0, 0.1]), named()), (elastic(&[]), named())]);
+        assert_eq!(tally.0.beside, 2);
+        let sure: Vec<_> = tally.0.confidence.iter().map(|bin| (bin.count, bin.right)).filter(|b| b.0 > 0).collect();
+        assert_eq!(sure, [(3, 1)]);
+    }
+
+    #[test]
+    fn an_effect_of_no_library_may_have_a_name_and_a_file_with_an_error_of_0_is_exact() {
+        let hose = answer(&one("outside:hose_hysteresis", &[0]), false);
+        let (tally, words) = tally(&[(hose, found("effect", &[("backlash", &["a"], &[])]))]);
+        assert_eq!((words[0].as_str(), tally.0.outcomes[0].truth.as_str()), ("misnamed", "outside"));
+        let mut exact = answer(&one("rotor_inertia", &[1]), true);
+        exact.nominal_error = Some(0.0);
+        assert!(counts(&exact, &found("parameter", &[("rotor_inertia", &["b"], &[])]).causes[0]));
     }
 
     #[test]

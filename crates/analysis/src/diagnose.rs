@@ -7,7 +7,7 @@ use rivet_config::Robot;
 use rivet_diagnosis::{
     Diagnosis, Listener, LogFault, MotionBounds, Patch, Run, Verdict, diagnose_and_patch, of_one_clock,
 };
-use rivet_report::words::{figure, percent};
+use rivet_report::words::{effect, figure, percent};
 use rivet_report::{Cause, Document, JointGap, LogFinding, Power, Score, SelfCheck, formats, page};
 
 use crate::bodies::{BODIES_UNKNOWN, with_bodies};
@@ -24,10 +24,12 @@ use crate::runs;
 use crate::self_check::self_check;
 use crate::session;
 use crate::steps::count_line;
-use crate::table::{Table, columns, paragraph};
+use crate::table::{Table, paragraph};
 
 /// Effects that are values of the file.
 const VALUES: [&str; 4] = ["link_inertia", "rotor_inertia", "coulomb_friction", "viscous_friction"];
+/// Rows of values on a terminal: a body has ten.
+const MOST_VALUES: usize = 24;
 /// Names of two joints are both told where they are no longer together.
 const JOINTS_WIDTH: usize = 24;
 
@@ -329,7 +331,7 @@ fn as_text(found: &Document, scores: &[Score]) -> String {
         let mut table = Table::new(["cause", "joints", "shrink %", "90 %", "measured", "share %", "sure"]);
         for c in &found.causes {
             table.row([
-                c.effect.clone(),
+                effect(&c.effect),
                 match c.joints.as_slice() {
                     joints if joints.is_empty() || joints.len() == found.gap.per_joint.len() => "all".to_owned(),
                     [one] => one.clone(),
@@ -344,7 +346,7 @@ fn as_text(found: &Document, scores: &[Score]) -> String {
             ]);
         }
         out += &table.text();
-        out += &sizes(found);
+        out += &values(found);
     }
     if found.verdict == "unexplained" && !found.hints.is_empty() {
         let mut hints: Vec<String> = found.hints.iter().map(Cause::word).collect();
@@ -371,18 +373,19 @@ fn as_text(found: &Document, scores: &[Score]) -> String {
     out
 }
 
-/// How large each cause is, a line each.
-fn sizes(found: &Document) -> String {
-    let line = |c: &Cause| {
-        let joint = match c.joints.as_slice() {
-            [one] => format!(" of {one}"),
-            _ => String::new(),
-        };
-        let head = format!("  {}{joint}: ", c.effect);
-        let size = found.sizes(c, columns().saturating_sub(head.chars().count()))?;
-        Some(paragraph(&head, &size))
-    };
-    found.causes.iter().filter_map(line).collect()
+/// The table of values, where the lines above have not all.
+fn values(found: &Document) -> String {
+    let rows = found.value_rows();
+    if rows.is_empty() {
+        return String::new();
+    }
+    let mut table = Table::new(["parameters", "file", "found", "90 %", "unit"]);
+    for row in rows.iter().take(MOST_VALUES) {
+        table.row(row.clone());
+    }
+    let more = rows.len().saturating_sub(MOST_VALUES);
+    let rest = if more > 0 { format!("  and {more} more: --json and --html have all\n") } else { String::new() };
+    table.text() + &rest
 }
 
 /// The weakest effects that these logs would have shown.
@@ -405,7 +408,7 @@ fn power(found: &Document, check: &SelfCheck) -> String {
     let heads = heads.chain((1..=joints).map(|j| format!("joint {j}")));
     let mut table = Table::new(heads);
     for chunk in check.powers.chunk_by(|a, b| a.effect == b.effect) {
-        let mut cells = vec![chunk[0].effect.clone(), chunk[0].unit.clone()];
+        let mut cells = vec![effect(&chunk[0].effect), chunk[0].unit.clone()];
         // What acts on the whole arm stands before what acts on joints.
         cells.extend(chunk[0].joint.is_some().then(String::new));
         cells.extend(chunk.iter().map(&smallest_found));

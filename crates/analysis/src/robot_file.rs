@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use rivet_dynamics::{Proposal, UrdfArm, UrdfError, UrdfMistakes, UrdfNote, UrdfOptions};
 use rivet_estimation::offline::position_step;
 use rivet_logs::{ChannelMap, Log, Naming, ReadOptions, read_as};
@@ -71,8 +71,10 @@ pub(crate) fn of_urdf(urdf: &Path, log: Option<&Log>) -> Result<rivet_config::Ro
 
 /// The arm of a URDF file, with the options that make it one.
 fn arm_of(urdf: &Path) -> Result<(UrdfArm, UrdfOptions)> {
-    let text =
-        rivet_files::read_text(urdf, rivet_config::MAX_FILE_BYTES).with_context(|| urdf.display().to_string())?;
+    let text = rivet_config::urdf_text(urdf).map_err(|why| match why.mend() {
+        Some(mend) => Fault::Config(format!("{}: {why}; {mend}", urdf.display())).into(),
+        None => anyhow::Error::new(why).context(urdf.display().to_string()),
+    })?;
     Ok(chain(&text).map_err(|why| Fault::Config(refusal(urdf, &why)))?)
 }
 

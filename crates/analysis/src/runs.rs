@@ -69,19 +69,8 @@ pub(crate) fn check_time(log: &Log) -> Result<(), LogError> {
 /// Every mistake in the file; where it is a recording, the order of the arguments instead. As of [`map::apply`].
 pub fn load_robot(path: &Path, entries: &[String]) -> Result<Robot> {
     let robot = rivet_config::load(path);
-    let other = || urdf_instead(path).or_else(|| wrong_order(path, "ROBOT.toml LOG..."));
-    let robot = robot.map_err(|why| other().unwrap_or_else(|| why.into()))?;
+    let robot = robot.map_err(|why| wrong_order(path, "ROBOT.toml LOG...").unwrap_or_else(|| why.into()))?;
     map::apply(robot, entries)
-}
-
-/// That a URDF stands where a robot file has to; none where `path` is not named as one.
-fn urdf_instead(path: &Path) -> Option<anyhow::Error> {
-    path.extension().filter(|end| end.eq_ignore_ascii_case("urdf"))?;
-    let why = format!(
-        "{0}: is a URDF; this command needs a robot file, which `rivet new {0} LOG -o robot.toml` makes of it",
-        path.display()
-    );
-    Some(Fault::Usage(why).into())
 }
 
 /// That a recording stands where a description of the arm has to; none where `path` is no recording.

@@ -5,6 +5,7 @@
 //!
 //! The folder is opened once, component by component. All that follows uses its descriptor. `/proc` is not needed for this.
 
+mod content;
 mod destination;
 mod draft;
 mod folder;
@@ -13,11 +14,14 @@ mod printable;
 mod status_line;
 mod sweep;
 
+pub use content::Content;
 use destination::Destination;
 pub use draft::Draft;
 use folder::Folder;
 pub use lock::open_lock;
-pub use printable::{Printable, arguments_are_printable, is_unsafe, note, print, printable, printable_json};
+pub use printable::{
+    Printable, arguments_are_printable, is_unsafe, note, note_after, print, printable, printable_json,
+};
 use rustix::fs::OFlags;
 pub use status_line::StatusLine;
 use std::fs::{self, File};

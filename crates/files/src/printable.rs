@@ -52,8 +52,13 @@ impl<T: fmt::Display> fmt::Display for Printable<T> {
 
 /// A line on standard error, its unsafe characters escaped. One that is closed or full loses the line, and nothing else.
 pub fn note(text: impl fmt::Display) {
+    note_after("", text);
+}
+
+/// The same after a label of the program's own, which may have styles.
+pub fn note_after(label: &str, text: impl fmt::Display) {
     // One write a line: lines of several processes on one terminal do not mix.
-    let line = format!("{}{}\n", crate::status_line::cleared(), Printable(text));
+    let line = format!("{}{label}{}\n", crate::status_line::cleared(), Printable(text));
     let _ = io::stderr().write_all(line.as_bytes());
 }
 

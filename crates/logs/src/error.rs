@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use rivet_files::Content;
+
 /// A log that was refused, or a file that could not be written.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {fault}", path.display())]
@@ -10,6 +12,17 @@ pub struct LogError {
     pub path: PathBuf,
     /// What is wrong with it.
     pub fault: LogFault,
+}
+
+/// What to give in place of a file that is no recording.
+fn instead_of_recording(content: Content) -> &'static str {
+    match content {
+        Content::Toml | Content::Urdf | Content::Mjcf | Content::Sdf => {
+            "the order is ROBOT.toml LOG..., of `rivet inspect` and `rivet convert` RECORDING ROBOT.toml"
+        }
+        Content::Device => "record to a file first",
+        _ => "give a recording: MCAP, rosbag2, LeRobot, Parquet, HDF5, NPZ or a text table",
+    }
 }
 
 /// What is wrong with a log. Rows count from 1, the header of a CSV file is not a row.
@@ -26,6 +39,12 @@ pub enum LogFault {
         format: &'static str,
         /// What the decoder said.
         why: String,
+    },
+    /// A file of another kind.
+    #[error("is {content}, not a recording; {}", instead_of_recording(*content))]
+    OtherFile {
+        /// What it holds.
+        content: Content,
     },
     /// Nothing is in it.
     #[error("is empty: {what}; record it again, or give another file")]

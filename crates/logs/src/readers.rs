@@ -4,9 +4,11 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
+use rivet_files::Content;
+
 use crate::columns::{Table, Wanted};
 use crate::error::{LogError, LogFault};
-use crate::listing::Listing;
+use crate::listing::{Column, Listing};
 use crate::{csv_file, hdf5_file, lerobot, mcap_file, npz_file, parquet_file, rosbag2};
 
 /// What decides which reader takes a path.
@@ -90,6 +92,9 @@ const HEAD_BYTES: usize = 8;
 pub(crate) fn find(path: &Path) -> Result<&'static Reader, LogError> {
     let meta = std::fs::metadata(path).map_err(|e| LogFault::Io(e).at(path))?;
     let is_folder = meta.is_dir();
+    if !is_folder && !meta.is_file() {
+        return Err(LogFault::OtherFile { content: Content::Device }.at(path));
+    }
     let mut magic = [0_u8; HEAD_BYTES];
     let length = if is_folder {
         0
@@ -130,11 +135,34 @@ pub(crate) fn find(path: &Path) -> Result<&'static Reader, LogError> {
 pub fn list(path: impl AsRef<Path>) -> Result<Listing, LogError> {
     let path = path.as_ref();
     let reader = find(path)?;
-    let listing = (reader.list)(path)?;
+    let listing = (reader.list)(path).map_err(|why| other_file(reader, path, &[]).unwrap_or(why))?;
+    if let Some(why) = other_file(reader, path, &listing.columns) {
+        return Err(why);
+    }
     if listing.columns.is_empty() && listing.topics.iter().all(|topic| topic.is_read) {
         return Err(LogFault::Empty { what: "it has no columns" }.at(path));
     }
     Ok(Listing { format: reader.name, ..listing })
+}
+
+/// That a file which is read as text is one of another kind. Values that are set before a table look like TOML; its columns decide.
+fn other_file(reader: &Reader, path: &Path, columns: &[Column]) -> Option<LogError> {
+    if reader.name != TEXT {
+        return None;
+    }
+    let content = Content::of(path).ok()?;
+    let is_other = match content {
+        Content::Urdf | Content::Mjcf | Content::Sdf | Content::Xml | Content::Json => true,
+        Content::Toml => !is_table_of_numbers(columns),
+        _ => false,
+    };
+    is_other.then(|| LogFault::OtherFile { content }.at(path))
+}
+
+/// Most cells of the first row are numbers, and the table is no list of `key = value`.
+fn is_table_of_numbers(columns: &[Column]) -> bool {
+    let numbers = columns.iter().filter(|column| column.text.is_none()).count();
+    columns.len() > 1 && 2 * numbers > columns.len() && columns.iter().all(|column| column.name != "=")
 }
 
 /// Name of the format of a file or folder that is a recording, for a message about a file in the wrong place. Of text the numbers
@@ -144,10 +172,7 @@ pub fn recognized_format(path: &Path) -> Option<&'static str> {
     if reader.name != TEXT {
         return Some(reader.name);
     }
-    let columns = (reader.list)(path).ok()?.columns;
-    let numbers = columns.iter().filter(|column| column.text.is_none()).count();
-    (columns.len() > 1 && 2 * numbers > columns.len() && columns.iter().all(|column| column.name != "="))
-        .then_some(TEXT)
+    is_table_of_numbers(&list(path).ok()?.columns).then_some(TEXT)
 }
 
 /// Whether a folder is one recording (rosbag2, LeRobot), and not a folder with recordings in it.

@@ -88,12 +88,7 @@ impl Document {
             format!("{}{ends}", figure(value, 3))
         };
         let known = || cause.magnitude.iter().filter_map(|(name, value)| Some((name, (*value)?)));
-        let parameters = || self.figures.iter().flat_map(|figures| &figures.parameters);
-        let changed = |(name, value): (&String, f64)| {
-            let parameter = parameters().find(|p| p.name == *name)?;
-            (parameter.given != Some(value)).then_some((parameter, value))
-        };
-        let mut values: Vec<(&Parameter, f64)> = known().filter_map(changed).collect();
+        let values = self.changed_values(cause);
         if values.is_empty() {
             // What persists before peaks, masses before where they are.
             let is_first = |name: &String| ["mass_kg", "steady_N"].contains(&name.as_str());
@@ -108,13 +103,6 @@ impl Document {
             };
             return first.into_iter().chain(others).map(one).collect();
         }
-        // Changes in one unit compare; others by how clear they are.
-        let change = |(parameter, value): &(&Parameter, f64)| (value - parameter.given.unwrap_or(0.0)).abs();
-        if values.iter().all(|(parameter, _)| parameter.unit == values[0].0.unit) {
-            values.sort_by(|a, b| change(b).total_cmp(&change(a)));
-        } else {
-            values.sort_by(|a, b| b.0.clearness().total_cmp(&a.0.clearness()));
-        }
         let more = values.len().saturating_sub(VALUES);
         let one = |(parameter, value): &(&Parameter, f64)| {
             let given = parameter.given.map_or_else(String::new, |given| format!("{} \u{2192} ", figure(given, 3)));
@@ -126,6 +114,49 @@ impl Document {
         };
         let listed = values.iter().take(VALUES).map(one);
         listed.chain((more > 0).then(|| format!("{more} more in the table of parameters"))).collect()
+    }
+
+    /// Values of the model that a cause changes, with the ones found, the largest changes first.
+    fn changed_values(&self, cause: &Cause) -> Vec<(&Parameter, f64)> {
+        let parameters = || self.figures.iter().flat_map(|figures| &figures.parameters);
+        let changed = |(name, value): (&String, f64)| {
+            let parameter = parameters().find(|p| p.name == *name)?;
+            (parameter.given != Some(value)).then_some((parameter, value))
+        };
+        let known = cause.magnitude.iter().filter_map(|(name, value)| Some((name, (*value)?)));
+        let mut values: Vec<(&Parameter, f64)> = known.filter_map(changed).collect();
+        // Changes in one unit compare; others by how clear they are.
+        let change = |(parameter, value): &(&Parameter, f64)| (value - parameter.given.unwrap_or(0.0)).abs();
+        if values.iter().all(|(parameter, _)| parameter.unit == values[0].0.unit) {
+            values.sort_by(|a, b| change(b).total_cmp(&change(a)));
+        } else {
+            values.sort_by(|a, b| b.0.clearness().total_cmp(&a.0.clearness()));
+        }
+        values
+    }
+
+    /// Rows of the values that the causes change, where a line of [`Document::actions`] has not all of a cause's: the value in words,
+    /// the file's, the one found, its 90 % interval, its unit.
+    pub fn value_rows(&self) -> Vec<[String; 5]> {
+        let long = |cause: &&Cause| self.changed_values(cause).len() > VALUES;
+        let row = |cause: &Cause, (parameter, value): (&Parameter, f64)| {
+            let ends = cause.magnitude_interval.get(&parameter.name).filter(|[low, high]| low < high);
+            let own = &parameter.name;
+            let entry = own.split_once('.').map_or(own.as_str(), |(_, entry)| entry);
+            let label = parameter_label(parameter, self);
+            let of_a_drive = own.starts_with('j') && label != *own;
+            [
+                if of_a_drive { format!("{label} {}", entry.replace('_', " ")) } else { label },
+                parameter.given.map_or_else(|| "-".to_owned(), |given| figure(given, 3)),
+                figure(value, 3),
+                ends.map_or_else(|| "-".to_owned(), |[low, high]| format!("{}..{}", figure(*low, 3), figure(*high, 3))),
+                printed_unit(&parameter.unit),
+            ]
+        };
+        let of = |cause: &'_ Cause| {
+            self.changed_values(cause).into_iter().map(|value| row(cause, value)).collect::<Vec<_>>()
+        };
+        self.causes.iter().filter(long).flat_map(of).collect()
     }
 
     /// What the causes bring: residual in motion over the noise, of the joint that was furthest off, and the simulator's error; none
@@ -259,6 +290,36 @@ mod tests {
             said.starts_with("Set rotor inertia of wrist: j4.rotor_inertia 0.500 → 0.651 [0.630, 0.670] kg m²."),
             "{said}"
         );
+    }
+
+    #[test]
+    fn values_beyond_those_of_a_line_have_rows() {
+        let value = |name: &str, given: f64, found: f64| {
+            json!({"name": name, "unit": "N m", "joint": 1, "given": given, "found": found, "low": found - 0.1,
+                "high": found + 0.1, "state": "pinned", "wrong": true})
+        };
+        let names = ["j1.coulomb", "j2.coulomb", "j3.coulomb", "j4.coulomb"];
+        let parameters: Vec<Value> = (1..).zip(names).map(|(k, name)| value(name, 1.0, 1.0 + f64::from(k))).collect();
+        let found = |count: usize| {
+            let sizes: serde_json::Map<_, _> = names[..count]
+                .iter()
+                .zip(2..)
+                .map(|(name, found)| ((*name).to_owned(), json!(f64::from(found))))
+                .collect();
+            let figures =
+                json!({"floor": [], "stages": [], "parameters": parameters, "excerpts": [], "left": [], "power": []});
+            let gap = |joint: &str| json!({"joint": joint, "before": 0.3, "after": 0.1, "noise_floor": 0.05, "in_motion": [2.0, 1.0]});
+            let gap =
+                json!({"before": 0.3, "after": 0.1, "noise_floor": 0.05, "per_joint": names.map(|_| gap("arm_lift"))});
+            let mut cause = of("coulomb_friction", &[], &Value::Object(sizes));
+            cause["magnitude_interval"] = json!({"j4.coulomb": [4.5, 5.5]});
+            document(&[("causes", json!([cause])), ("figures", figures), ("gap", gap)])
+        };
+        assert!(found(3).value_rows().is_empty(), "the line has them");
+        let rows = found(4).value_rows();
+        assert_eq!(rows.len(), 4);
+        assert_eq!(rows[0], ["arm_lift coulomb", "1.00", "5.00", "4.50..5.50", "N m"], "the largest change first");
+        assert!(found(4).actions(&[]).concat().contains("1 more in the table of parameters"));
     }
 
     #[test]

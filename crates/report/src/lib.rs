@@ -10,7 +10,6 @@ mod next;
 mod page;
 mod rollout;
 mod scores;
-mod sizes;
 mod terms;
 mod verdict;
 mod views;

@@ -93,6 +93,9 @@ pub fn quantity(name: &str, document: &Document) -> (String, String) {
             return (stem.replace('_', " "), unit.to_owned());
         }
     }
+    if name == "ratio" {
+        return ("friction over carried torque".to_owned(), String::new());
+    }
     if name == "seconds" {
         return ("time".to_owned(), "s".to_owned());
     }

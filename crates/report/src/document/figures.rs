@@ -122,11 +122,6 @@ pub struct Parameter {
 }
 
 impl Parameter {
-    /// Whether it is one of a link's ten values.
-    pub(crate) fn is_of_a_body(&self) -> bool {
-        self.name.starts_with('l')
-    }
-
     /// How many times as large its change is as its interval.
     pub(crate) fn clearness(&self) -> f64 {
         let change = || Some((self.found? - self.given?).abs() / (self.high? - self.low?));

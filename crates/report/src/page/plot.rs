@@ -144,6 +144,8 @@ impl Plot {
     /// The chart; `said` is what a screen reader says of it.
     pub(crate) fn svg(self, x_label: &str, y_label: &str, said: &str) -> String {
         let (w, h) = (self.width, self.height);
+        let scaled = |label: &str, axis: Axis| if axis.log { format!("{label}, log scale") } else { label.to_owned() };
+        let (x_label, y_label) = (scaled(x_label, self.x), scaled(y_label, self.y));
         let mut out = format!("<svg viewBox=\"0 0 {w} {h}\" role=\"img\" aria-label=\"{}\">", escape(said));
         for tick in self.y.ticks() {
             let (_, y) = self.at(0.0, tick);
@@ -173,9 +175,9 @@ impl Plot {
             w - RIGHT,
             0.5 * (LEFT + w - RIGHT),
             h - 5.0,
-            escape(x_label),
+            escape(&x_label),
             0.5 * (TOP + base),
-            escape(y_label),
+            escape(&y_label),
             self.body
         );
         out
@@ -211,5 +213,6 @@ mod tests {
         let plot = Plot::new(300.0, 200.0, Axis::around(std::iter::empty(), false), Axis::decades(std::iter::empty()));
         let svg = plot.svg("x", "y", "empty");
         assert!(svg.starts_with("<svg") && !svg.contains("NaN") && !svg.contains("inf"), "{svg}");
+        assert!(svg.contains(">y, log scale<") && svg.contains(">x<"), "{svg}");
     }
 }
