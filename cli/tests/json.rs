@@ -174,12 +174,13 @@ fn a_file_in_the_place_of_another_is_named() {
     let robot_files: [&[&str]; 3] = [&["check"], &["monitor"], &["doctor"]];
     let urdfs: [&[&str]; 2] = [&["new", "--output", "out.toml"], &["inspect", "run.csv"]];
     let recordings: [&[&str]; 2] = [&["inspect"], &["diagnose", "arm.toml"]];
-    let documents: [&[&str]; 2] = [&["compare", "old.json"], &["blind", "score", "old.json"]];
+    let documents: [&[&str]; 4] =
+        [&["compare", "empty"], &["compare", "arm.toml"], &["blind", "score", "empty"], &["blind", "score", "arm.urdf"]];
     let tried: [(&[&[&str]], &[&str], &str); 4] = [
         (&robot_files, &["empty", "blank", "arm.urdf", "arm.xml", "old.json", "run.csv", "."], "not a robot file"),
         (&urdfs, &["empty", "blank", "arm.xml", "old.json"], "not a URDF"),
         (&recordings, &["arm.toml", "arm.urdf", "arm.xml", "old.json"], "not a recording"),
-        (&documents, &["empty", "arm.toml", "arm.urdf", "run.csv"], "not a"),
+        (&documents, &["old.json"], "not a"),
     ];
     for (commands, files, words) in tried {
         for (command, file) in commands.iter().flat_map(|command| files.iter().map(move |file| (command, file))) {
@@ -187,7 +188,7 @@ fn a_file_in_the_place_of_another_is_named() {
             let text = String::from_utf8_lossy(&output.stderr);
             assert!(!output.status.success() && text.contains(words), "{command:?} {file}: {text}");
             assert!(text.lines().count() == 1 && !text.contains("UTF-8"), "{command:?} {file}: {text}");
-            let is_empty = ["empty", "blank"].contains(file);
+            let is_empty = ["empty", "blank"].contains(file) || command.contains(&"empty");
             assert!(!is_empty || text.contains("is an empty file"), "{command:?} {file}: {text}");
         }
     }
