@@ -174,8 +174,12 @@ fn a_file_in_the_place_of_another_is_named() {
     let robot_files: [&[&str]; 3] = [&["check"], &["monitor"], &["doctor"]];
     let urdfs: [&[&str]; 2] = [&["new", "--output", "out.toml"], &["inspect", "run.csv"]];
     let recordings: [&[&str]; 2] = [&["inspect"], &["diagnose", "arm.toml"]];
-    let documents: [&[&str]; 4] =
-        [&["compare", "empty"], &["compare", "arm.toml"], &["blind", "score", "empty"], &["blind", "score", "arm.urdf"]];
+    let documents: [&[&str]; 4] = [
+        &["compare", "empty"],
+        &["compare", "arm.toml"],
+        &["blind", "score", "empty"],
+        &["blind", "score", "arm.urdf"],
+    ];
     let tried: [(&[&[&str]], &[&str], &str); 4] = [
         (&robot_files, &["empty", "blank", "arm.urdf", "arm.xml", "old.json", "run.csv", "."], "not a robot file"),
         (&urdfs, &["empty", "blank", "arm.xml", "old.json"], "not a URDF"),

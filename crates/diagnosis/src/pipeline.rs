@@ -228,6 +228,7 @@ impl Procedure<'_> {
             }
         }
         report.doubt_what_is_left_open();
+        report.doubt_what_may_take_nothing();
         let unseen = self.ask_for_values_unseen(report);
         let asked = "whether parameters that the training motion does not identify are all that is missing";
         if or_said(unseen, asked, left_out) == Some(true) {

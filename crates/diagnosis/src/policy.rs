@@ -203,6 +203,11 @@ pub(crate) struct ConfidenceLevels {
     pub(crate) left_open: f64,
     /// At most, where there is such a joint. Unit and range: probability. Origin: hand-set.
     pub(crate) open_beside: f64,
+    /// Below it a name is doubted. Unit and range: probability. Origin: as `may_take_nothing`.
+    pub(crate) doubted: f64,
+    /// At most, for a doubted name whose predicted shrink may be none. Unit and range: probability. Origin: the independent simulator,
+    /// seed 9301.
+    pub(crate) may_take_nothing: f64,
     /// Of another mounting than the file's. Unit and range: probability. Origin: hand-set.
     pub(crate) mounting: f64,
     /// The same where another reading is confounded with it, or much remains. Unit and range: probability. Origin: hand-set.
@@ -741,6 +746,8 @@ pub(crate) const POLICY: Policy = Policy {
         heavier_link: 0.3,
         left_open: 0.45,
         open_beside: 0.6,
+        doubted: 0.8,
+        may_take_nothing: 0.5,
         mounting: 0.97,
         mounting_unsure: 0.58,
     },

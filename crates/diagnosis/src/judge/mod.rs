@@ -15,3 +15,4 @@ pub(crate) mod shrinkage;
 pub(crate) mod tool_drag;
 pub(crate) mod torque_offset;
 pub(crate) mod unseen_values;
+pub(crate) mod unsure_shrink;
