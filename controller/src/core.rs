@@ -210,7 +210,7 @@ impl Core {
         Ok(Core {
             gate: Gate::new(robot, &mut law),
             plan_check,
-            watch: Watch::new(robot, &law, &limits, &output.torque),
+            watch: Watch::new(robot, &law, &limits, &output.torque, &rates),
             law,
             recent,
             sources: Sources::new(&nominal, timeout, row, apart, period_s),
