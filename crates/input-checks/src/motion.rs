@@ -27,6 +27,8 @@ const STILL_SIGMAS: f64 = 5.0;
 const NOISE_SAMPLES: f64 = 8.0;
 /// Variance of the third difference of white noise, in parts of that of the noise: 1 + 9 + 9 + 1.
 const THIRD_DIFFERENCE: f64 = 20.0;
+/// The same of the second difference: 1 + 4 + 1.
+const SECOND_DIFFERENCE: f64 = 6.0;
 /// Way of the plan from which on a joint that is still is behind it, in parts of the deviations that count as still.
 const BEHIND_TIMES: f64 = 2.0;
 /// Speed above which a joint does not stand from one sample to the next while its plan goes on, if friction does not stop it \[rad/s\].
@@ -97,6 +99,8 @@ struct Joint {
     plan_before: f64,
     /// The way of the plan from the reading, once it has gone on since the run began \[rad\].
     ahead: f64,
+    /// What the model misses while readings are still, smoothed over the window \[N·m\].
+    still_missed: f64,
     /// What the model misses \[N·m\], slowly varying, and the same when the run began.
     model_error: f64,
     error_before: f64,
@@ -282,8 +286,18 @@ impl MotionCheck {
             let friction = coulomb[j].abs() + joint.error_before.abs();
             joint.breakaway = limits.joint.breakaway.max(breakaway(friction, limits.joint.torque));
             // A load that the model does not know was missed in motion as well.
-            let pushed = (joint.error_before - missed) * joint.ahead.signum();
-            let is_held = joint.ahead == 0.0 || joint.still < whole || pushed <= joint.breakaway + noise;
+            let span = f64::from(joint.still.clamp(1, whole));
+            joint.still_missed += (missed - joint.still_missed) / span;
+            // Noise of three readings in the acceleration. A mean over the window has less of it, and shows later what grows.
+            let of_noise = SECOND_DIFFERENCE.sqrt() * STILL_SIGMAS * joint.noise.sqrt();
+            let of_noise = of_noise / self.window.half_s().powi(2) * limits.inertia;
+            let is_pushed = |missed: f64, of_noise: f64| {
+                let pushed = (joint.error_before - missed) * joint.ahead.signum();
+                pushed > joint.breakaway + noise.max(of_noise)
+            };
+            let is_pushed =
+                is_pushed(missed, of_noise) || is_pushed(joint.still_missed, of_noise / f64::from(whole).sqrt());
+            let is_held = joint.ahead == 0.0 || joint.still < whole || !is_pushed;
             frozen |= if is_held { 0 } else { 1 << j };
             if !self.compared {
                 (joint.model_error, joint.slow_error) = (missed, missed);
@@ -499,8 +513,10 @@ mod tests {
     fn a_slow_joint_that_friction_stops_is_sound() {
         for (breakaway, expected) in [(2.0, None), (0.2, Some(Found { fault: Fault::Frozen, joints: 1 }))] {
             let joint = JointLimits { resolution: 1e-5, torque: 10.0, revolute: true, breakaway };
-            let mut check =
-                MotionCheck::new(&[MotionLimits { joint, speed: 3.0, unmodelled: 5.0, jerk: 0.0, inertia: 0.1 }], 0.004);
+            let mut check = MotionCheck::new(
+                &[MotionLimits { joint, speed: 3.0, unmodelled: 5.0, jerk: 0.0, inertia: 0.1 }],
+                0.004,
+            );
             let found = (1..=200).find_map(|seq| {
                 let t = seq as f64 * 0.004;
                 let planned = Planned { q: &[0.06 * t], qd: &[0.06] };
@@ -577,5 +593,71 @@ mod tests {
         assert!((1.0..1.004).contains(&sudden), "{sudden} s");
         let slow = unanswered_at(|t| 18.0 * (t - 1.0).clamp(0.0, 0.5)).expect("found");
         assert!((1.3..1.5).contains(&slow), "{slow} s");
+    }
+
+    /// A joint of 0.1 kg m² with friction that its model does not have: `true_q` is where it is, `command` what it gets, `sigma` the noise of
+    /// its encoder \[rad\]. What is found first, and when \[s\].
+    fn noisy(
+        period_s: f64,
+        sigma: f64,
+        true_q: impl Fn(f64) -> f64,
+        command: impl Fn(f64) -> f64,
+    ) -> Option<(f64, Found)> {
+        let mut check = check(period_s);
+        let mut state = 1_u64;
+        let mut uniform = move || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) as f64 / 2f64.powi(31)
+        };
+        (1..=(1.0 / period_s) as u64).find_map(|seq| {
+            let t = seq as f64 * period_s;
+            // Twelve make one of unit variance.
+            let noise = (0..12).map(|_| uniform()).sum::<f64>() - 6.0;
+            let seen = rounded(true_q(t) + sigma * noise);
+            let planned = Planned { q: &[0.5 * t], qd: &[0.5] };
+            let found = check.check(seq, &[seen], &[command(t)], Some(planned)).or_else(|| {
+                let motion = check.motion()?;
+                check.answers(&motion, &[0.1 * motion.qdd[0]], &[0.0])
+            });
+            found.map(|found| (t, found))
+        })
+    }
+
+    /// Noise of up to twenty steps on a joint that stands: frozen where the command pushes beyond what friction holds, not before.
+    #[test]
+    fn a_frozen_reading_with_noise_is_found_and_a_joint_that_friction_holds_is_sound() {
+        for period_s in PERIODS {
+            for sigma in [2e-5, 1e-4, 2e-4] {
+                // Friction may hold 1 N m by the file; the push reaches that 0.5 s after the joint stands.
+                let push = |most: f64| move |t: f64| most * (t - 0.2).clamp(0.0, 0.5) / 0.5;
+                let stands = |t: f64| 0.5 * t.min(0.05) * 0.1;
+                assert_eq!(noisy(period_s, sigma, stands, push(0.9)), None, "{period_s} s, {sigma} rad");
+                let (t, found) = noisy(period_s, sigma, stands, push(4.9)).expect("found");
+                assert_eq!(found, Found { fault: Fault::Frozen, joints: 1 }, "{period_s} s, {sigma} rad");
+                assert!((0.25..0.7).contains(&t), "{t} s, {period_s} s, {sigma} rad");
+            }
+        }
+    }
+
+    /// The drive takes 3 N m back in 0.2 s: a joint of 0.1 kg m² with 30 rad/s² gets faster by 3 rad/s meanwhile.
+    #[test]
+    fn a_joint_whose_drive_cannot_let_go_in_time_is_too_fast_early() {
+        for period_s in PERIODS {
+            let at = |jerk: f64| {
+                let joint = JointLimits { resolution: 1e-6, torque: 10.0, revolute: true, breakaway: 1.0 };
+                let limits = MotionLimits { joint, speed: 6.0, unmodelled: 5.0, jerk, inertia: 0.1 };
+                let mut check = MotionCheck::new(&[limits], period_s);
+                let found = (1..=1000).find_map(|seq| {
+                    let t = seq as f64 * period_s;
+                    check.check(seq, &[15.0 * t * t], &[3.0], None).map(|found| (found, 30.0 * t))
+                });
+                let (found, speed) = found.expect("found");
+                assert_eq!(found, Found { fault: Fault::TooFast, joints: 1 });
+                speed
+            };
+            assert!((6.5..7.0).contains(&at(0.0)), "{}", at(0.0));
+            let early = at(150.0);
+            assert!((3.8..4.2).contains(&early), "{early} rad/s, {period_s} s");
+        }
     }
 }
