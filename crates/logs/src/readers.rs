@@ -90,6 +90,9 @@ const HEAD_BYTES: usize = 8;
 pub(crate) fn find(path: &Path) -> Result<&'static Reader, LogError> {
     let meta = std::fs::metadata(path).map_err(|e| LogFault::Io(e).at(path))?;
     let is_folder = meta.is_dir();
+    if !is_folder {
+        rivet_files::ensure_regular(path).map_err(|e| LogFault::Io(e).at(path))?;
+    }
     let mut magic = [0_u8; HEAD_BYTES];
     let length = if is_folder {
         0
