@@ -207,11 +207,8 @@ fn pipes_in_the_place_of_files_are_refused() {
         let pipe = folder.path().join(name);
         fs::create_dir_all(pipe.parent().expect("a folder")).expect("made");
         assert!(Command::new("mkfifo").arg(&pipe).status().expect("mkfifo runs").success());
-        let commands: [&[&Path]; 3] = [
-            &[Path::new("inspect"), &pipe],
-            &[Path::new("identify"), &robot, &pipe],
-            &[Path::new("check"), &pipe],
-        ];
+        let commands: [&[&Path]; 3] =
+            [&[Path::new("inspect"), &pipe], &[Path::new("identify"), &robot, &pipe], &[Path::new("check"), &pipe]];
         for command in commands {
             assert_refused(command);
         }

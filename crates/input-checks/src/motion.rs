@@ -99,6 +99,8 @@ struct Joint {
     plan_before: f64,
     /// The way of the plan from the reading, once it has gone on since the run began \[rad\].
     ahead: f64,
+    /// Samples in a row after which the drive lets go too late.
+    late: u32,
     /// What the model misses while readings are still, smoothed over the window \[N·m\].
     still_missed: f64,
     /// What the model misses \[N·m\], slowly varying, and the same when the run began.
@@ -229,7 +231,10 @@ impl MotionCheck {
             let speed = self.window.speed(j).unwrap_or(0.0);
             let a = self.window.acceleration(j).unwrap_or(0.0);
             let peak = peak(speed, a, limits, self.window.half_s());
-            let is_fast = speed.abs() > most || peak > PEAK_SHARE * limits.speed + noise;
+            let is_late = fresh && peak > PEAK_SHARE * limits.speed + noise;
+            joint.late = if is_late { joint.late.saturating_add(1) } else { 0 };
+            // A reading that freezes looks like an acceleration for a moment.
+            let is_fast = speed.abs() > most || joint.late > self.frozen_run;
             fast |= if fresh && is_fast { bit } else { 0 };
             let plan = planned.map(|planned| (planned.q[j], planned.qd[j]));
             let before = Before {
@@ -238,6 +243,7 @@ impl MotionCheck {
                 period_s: self.period_s,
                 half_s: self.window.half_s(),
                 resolution,
+                repeats,
             };
             joint.read(q[j], lost, first, plan, &before);
             joint.ahead = plan.map_or(0.0, |(planned, _)| {
@@ -353,7 +359,9 @@ impl MotionCheck {
 /// the last `half_s` seconds.
 fn peak(speed: f64, a: f64, limits: &MotionLimits, half_s: f64) -> f64 {
     let noise = NOISE_STEPS * limits.joint.resolution / half_s.powi(2);
-    let a = (a * speed.signum() - noise).max(0.0);
+    // More than the drive gives is that of a reading, which other checks look at.
+    let most = limits.joint.torque / limits.inertia.max(f64::MIN_POSITIVE);
+    let a = if a.abs() <= most { (a * speed.signum() - noise).max(0.0) } else { 0.0 };
     let back_s = if limits.jerk > 0.0 { a / limits.jerk } else { 0.0 };
     speed.abs() + 0.5 * a * (half_s + back_s)
 }
@@ -368,6 +376,8 @@ struct Before {
     period_s: f64,
     /// Step of the encoder \[rad\].
     resolution: f64,
+    /// No joint has a new reading: encoders that are read seldom have steps that are no noise.
+    repeats: bool,
 }
 
 impl Before {
@@ -375,7 +385,7 @@ impl Before {
     /// joint would move by more than that from one sample to the next; else a slow joint would count as frozen.
     fn band(&self) -> f64 {
         let (flicker, abrupt) = (NOISE_STEPS * self.resolution, self.speed.abs() * ABRUPT_S);
-        if abrupt > flicker { abrupt } else { 0.0 }
+        if abrupt > flicker && self.period_s > ABRUPT_S * 2.0 && self.resolution < LEAST_YIELD { abrupt } else { 0.0 }
     }
 
     /// Whether the joint moved at a steady speed: `last` is its way in the last period. One that comes to rest is slower there.
@@ -411,7 +421,7 @@ impl Joint {
 
     /// Counts identical readings, `lost` samples after the last. `plan` is position and velocity of the plan.
     fn read(&mut self, q: f64, lost: u64, first: bool, plan: Option<(f64, f64)>, before: &Before) {
-        self.take_noise(q, if first { 1 } else { lost });
+        self.take_noise(q, if first || before.repeats { 1 } else { lost });
         if !first && (q - self.still_at).abs() <= self.still_band(before.resolution) {
             if self.still == 0 {
                 self.error_before = self.model_error;
