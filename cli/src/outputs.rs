@@ -101,17 +101,19 @@ fn is_exported(name: &std::ffi::OsStr) -> bool {
         || name.starts_with("separating-")
 }
 
-/// The file that bytes for `path` go to, whether it is there or not; none for pipes and devices.
+/// The name that bytes for `path` take, whether it is there or not; none for folders, pipes and devices. A link is replaced, and what it
+/// points to stays.
 fn place(path: &Path) -> Option<PathBuf> {
-    if let Ok(there) = path.canonicalize() {
-        return there.is_file().then_some(there);
+    if std::fs::metadata(path).is_ok_and(|there| !there.is_file()) {
+        return None;
     }
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     Some(folder.canonicalize().ok()?.join(path.file_name()?))
 }
 
+/// Whether what takes the place `written` would replace an input: the file, or a link that leads to it.
 fn is_at(input: &Path, written: &Path) -> bool {
-    place(input).is_some_and(|input| input == written)
+    place(input).is_some_and(|input| input == written) || input.canonicalize().is_ok_and(|input| input == written)
 }
 
 #[cfg(test)]
@@ -136,12 +138,17 @@ mod tests {
             outputs(inputs, files, folder).check().expect_err("refused").to_string()
         };
         assert!(no(&[&log], &[("--json", &log)], None).contains("which is read"));
-        assert!(no(&[&log], &[("--json", &link)], None).contains("which is read"), "through a link");
+        assert!(no(&[&link], &[("--json", &log)], None).contains("which is read"), "through a link");
+        assert!(no(&[&link], &[("--json", &link)], None).contains("which is read"), "the link itself");
         assert!(no(&[&log], &[("--json", &new), ("--html", &odd)], None).contains("--json writes as well"));
         assert!(no(&[&urdf], &[], Some(folder.path())).contains("which is read"));
         let model = at("model.toml");
         assert!(no(&[&log], &[("--json", &model)], Some(folder.path())).contains("--json writes"));
         outputs(&[&log], &[("--json", &new)], Some(folder.path())).check().expect("a log beside an export stays");
+        // A link is replaced: neither what is read nor another output is where it points to.
+        let other = at("other.csv");
+        std::os::unix::fs::symlink("log.csv", &other).expect("a link");
+        outputs(&[&log], &[("--json", &link), ("--html", &other)], None).check().expect("links are names of their own");
         let null = Path::new("/dev/null");
         outputs(&[&log], &[("--json", null), ("--html", null)], None).check().expect("no file");
         assert_eq!(std::fs::read_to_string(&log).expect("there"), "text");

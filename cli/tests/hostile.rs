@@ -197,3 +197,49 @@ fn urdf_name() -> String {
     let line = known.lines().find(|line| line.trim_start().starts_with("urdf")).expect("urdf key");
     line.split('"').nth(1).expect("quoted").to_owned()
 }
+
+/// A pipe that nobody writes: a reader would wait for ever.
+#[test]
+fn pipes_in_the_place_of_files_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let robot = project("robots/ur10e/robot.toml");
+    for name in ["log.csv", "log.parquet", "log.mcap", "robot.toml", "data/chunk-000/episode.parquet"] {
+        let pipe = folder.path().join(name);
+        fs::create_dir_all(pipe.parent().expect("a folder")).expect("made");
+        assert!(Command::new("mkfifo").arg(&pipe).status().expect("mkfifo runs").success());
+        let commands: [&[&Path]; 3] =
+            [&[Path::new("inspect"), &pipe], &[Path::new("identify"), &robot, &pipe], &[Path::new("check"), &pipe]];
+        for command in commands {
+            assert_refused(command);
+        }
+    }
+    let bag = folder.path().join("bag");
+    fs::create_dir(&bag).expect("made");
+    fs::write(
+        bag.join("metadata.yaml"),
+        "rosbag2_bagfile_information:\n  storage_identifier: mcap\n  relative_file_paths:\n    - bag.mcap\n",
+    )
+    .expect("written");
+    assert!(Command::new("mkfifo").arg(bag.join("bag.mcap")).status().expect("mkfifo runs").success());
+    assert_refused(&[Path::new("inspect"), &bag]);
+}
+
+/// A root that the bus refuses is refused before a file is written.
+#[test]
+fn a_simulator_that_cannot_join_its_bus_leaves_nothing_behind() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    let output = Command::new(env!("CARGO_BIN_EXE_rivet"))
+        .arg("sim")
+        .arg(project("robots/dd2/robot.toml").canonicalize().expect("there"))
+        .args(["--root", "below", "--truth-out"])
+        .arg(at("truth.json"))
+        .arg("--log-out")
+        .arg(at("log.parquet"))
+        .current_dir(folder.path())
+        .output()
+        .expect("rivet runs");
+    let said = assert_printable(&output.stderr);
+    assert!(!output.status.success() && said.contains("absolute"), "{said}");
+    assert_eq!(fs::read_dir(folder.path()).expect("there").count(), 0, "{said}");
+}

@@ -200,6 +200,9 @@ pub fn parse(path: &Path, text: &str) -> Result<Robot, ConfigErrors> {
             for (joint, limit) in arm.joints.iter_mut().zip(&drive.torque_limit) {
                 joint.effort = *limit;
             }
+            for (joint, limit) in arm.joints.iter_mut().zip(drive.velocity_limit.iter().flatten()) {
+                joint.velocity = *limit;
+            }
             let unknown = guess_bodies(&mut arm, &described.unknown, &drive.torque_limit, described.tip_length);
             let model = Model::new(arm, structure).with_unknown_bodies(unknown);
             let model = match load {

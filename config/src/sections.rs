@@ -107,6 +107,8 @@ pub struct Drive {
     pub rotor_inertia: Vec<f64>,
     /// Largest torque \[N m\].
     pub torque_limit: Vec<f64>,
+    /// Largest speed \[rad/s, or m/s\]; `None` where that of the description holds.
+    pub velocity_limit: Option<Vec<f64>>,
     /// Smallest position step \[rad\]; 0 is not quantised.
     pub encoder_resolution: Vec<f64>,
     /// Torque per ampere \[N m/A\], where logs carry currents.

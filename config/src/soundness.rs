@@ -59,6 +59,7 @@ impl Robot {
         let drives =
             (0..self.dof()).flat_map(|j| [self.rotor_warning(j), self.effort_warning(j), self.friction_warning(j)]);
         warnings.extend(drives.flatten());
+        warnings.extend(self.speed_warning());
         warnings.extend(self.long_window());
         warnings
     }
@@ -185,6 +186,19 @@ impl Robot {
                 self.model.arm.joints[j].name,
                 short(limit),
                 short(effort)
+            )
+        })
+    }
+
+    /// Joints whose speed nothing bounds.
+    fn speed_warning(&self) -> Option<String> {
+        let unlimited = self.model.arm.joints.iter().filter(|joint| !joint.velocity.is_finite());
+        let names: Vec<&str> = unlimited.map(|joint| joint.name.as_str()).collect();
+        (!names.is_empty()).then(|| {
+            format!(
+                "no speed limit of {}: `velocity` is 0 or absent in the description, and `rivet-controller` does not check the speed. Write \
+                 `velocity_limit = [...]` in rad/s below `[drive]`",
+                names.join(", ")
             )
         })
     }

@@ -210,7 +210,7 @@ impl Core {
         Ok(Core {
             gate: Gate::new(robot, &mut law),
             plan_check,
-            watch: Watch::new(robot, &law, &limits, &output.torque),
+            watch: Watch::new(robot, &law, &limits, &output.torque, &rates),
             law,
             recent,
             sources: Sources::new(&nominal, timeout, row, apart, period_s),
@@ -699,8 +699,9 @@ impl Core {
         let refused = self.plan_refused.filter(|(_, first)| sample.seq.saturating_sub(*first) >= bridged);
         let refused = refused.map(|((cause, joints), _)| Wrong { cause, joints, lasting: true });
         let behind = || {
-            let joints = self.governor.beyond();
-            (joints != 0).then_some(Wrong { cause: StopCause::PlanAcceleration, joints, lasting: true })
+            let (joints, is_planned) = self.governor.beyond();
+            let cause = if is_planned { StopCause::PlanAcceleration } else { StopCause::Saturated };
+            (joints != 0).then_some(Wrong { cause, joints, lasting: true })
         };
         refused.or_else(behind).or_else(|| self.watch.tracking(&sample.q, &self.planned))
     }

@@ -42,6 +42,8 @@ pub(crate) struct Governor {
     /// Offset \[rad\] and its rate \[rad/s\].
     offset: [f64; MAX_JOINTS],
     speed: [f64; MAX_JOINTS],
+    /// What of both the torque made that was taken from feedback.
+    hedged: [[f64; MAX_JOINTS]; 2],
 }
 
 impl Governor {
@@ -58,6 +60,7 @@ impl Governor {
             held_back: zero,
             offset: zero,
             speed: zero,
+            hedged: [zero; 2],
         };
         governor.torque[..dof].copy_from_slice(&output.torque);
         governor.step[..dof].copy_from_slice(&output.step);
@@ -68,7 +71,7 @@ impl Governor {
     /// Begins without an offset.
     pub(crate) fn restart(&mut self) {
         (self.given, self.offset, self.speed) = (None, [0.0; MAX_JOINTS], [0.0; MAX_JOINTS]);
-        self.held_back = [0.0; MAX_JOINTS];
+        (self.held_back, self.hedged) = ([0.0; MAX_JOINTS], [[0.0; MAX_JOINTS]; 2]);
     }
 
     /// Takes in what the rate limit took from the command that answered the last reference \[N·m\], feedback and all.
@@ -77,13 +80,18 @@ impl Governor {
     }
 
     /// Joints, bit 0 the base's, whose reference is further from the plan than an arm may be, or leaves it faster than a plan may jump, or
-    /// does a part of both: the plan is too hard for the rate limit.
-    pub(crate) fn beyond(&self) -> u32 {
-        let is_beyond = |j: &usize| {
-            let [offset, speed] = self.bounds[*j];
-            self.offset[*j].abs() / offset + self.speed[*j].abs() / speed > 1.0
+    /// does a part of both, and whether that is the plan's own doing: it is too hard for the rate limit. Else feedback is, which answers
+    /// something that is wrong with the arm or its readings.
+    pub(crate) fn beyond(&self) -> (u32, bool) {
+        let share =
+            |j: usize, offset: f64, speed: f64| offset.abs() / self.bounds[j][0] + speed.abs() / self.bounds[j][1];
+        let is_beyond = |j: &usize| share(*j, self.offset[*j], self.speed[*j]) > 1.0;
+        let joints = (0..self.dof).filter(is_beyond).fold(0, |bits, j| bits | 1 << j);
+        let is_planned = |j: usize| {
+            let [offset, speed] = [self.hedged[0][j], self.hedged[1][j]];
+            share(j, self.offset[j] - offset, self.speed[j] - speed) >= share(j, offset, speed)
         };
-        (0..self.dof).filter(is_beyond).fold(0, |bits, j| bits | 1 << j)
+        (joints, (0..self.dof).any(|j| joints >> j & 1 == 1 && is_planned(j)))
     }
 
     /// Turns a plan into the reference, `periods` after the last one. `x` are base parameters, `mass` is scratch of
@@ -119,6 +127,9 @@ impl Governor {
             desired.qdd[j] += delta[j];
             self.speed[j] += (accelerations[j] + delta[j] + hedge[j]) * periods * self.period_s;
             self.offset[j] += self.speed[j] * periods * self.period_s;
+            let [offset, speed] = &mut self.hedged;
+            speed[j] += (hedge[j] - RETURN * (RETURN * offset[j] + 2.0 * speed[j])) * periods * self.period_s;
+            offset[j] += speed[j] * periods * self.period_s;
         }
     }
 }
@@ -202,5 +213,29 @@ mod tests {
             "{furthest} and {} rad",
             offsets[2999]
         );
+    }
+
+    /// Torque that is taken from feedback for long leads the reference away: feedback is to blame, and a plan that asks for it is.
+    #[test]
+    fn the_cause_of_a_reference_that_runs_away_is_named() {
+        let (mut law, x, dof) = law();
+        let limits = Limits { torque: vec![150.0, 15.0], step: vec![STEP; dof] };
+        let mut mass = vec![0.0; dof * dof];
+        for by_plan in [false, true] {
+            let mut governor = Governor::new(&limits, &vec![[0.25, 1.0]; dof], PERIOD_S);
+            let found = (0..3000).find_map(|k| {
+                let (mut taken, mut desired) = ([0.0; MAX_JOINTS], Desired::default());
+                if by_plan {
+                    desired.qdd[0] = 60.0 * (0.03 * f64::from(k)).sin();
+                } else {
+                    taken[0] = 20.0;
+                }
+                governor.hedge(&taken);
+                governor.apply(&mut desired, &mut law, &x, &mut mass, 1);
+                let (joints, is_planned) = governor.beyond();
+                (joints != 0).then_some(is_planned)
+            });
+            assert_eq!(found, Some(by_plan));
+        }
     }
 }

@@ -50,8 +50,14 @@ pub(crate) struct Watch {
 }
 
 impl Watch {
-    /// `torque` are the limits of the commands \[N·m\].
-    pub(crate) fn new(robot: &Robot, law: &ControlLaw, limits: &SetpointLimits, torque: &[f64]) -> Watch {
+    /// `torque` are the limits of the commands \[N·m\], `rates` those of their change \[N·m/s\].
+    pub(crate) fn new(
+        robot: &Robot,
+        law: &ControlLaw,
+        limits: &SetpointLimits,
+        torque: &[f64],
+        rates: &[f64],
+    ) -> Watch {
         let (config, arm) = (&robot.config, &robot.model.arm);
         let period_s = config.sample_period_s;
         let joints: Vec<JointLimits> = (0..arm.dof())
@@ -69,6 +75,7 @@ impl Watch {
                 joint: *joint,
                 speed: limits.speed(j),
                 unmodelled: config.controller.unmodelled_torque[j] * joint.torque,
+                jerk: rates[j] / law.nominal_inertia(j),
                 inertia: law.nominal_inertia(j),
             })
             .collect();

@@ -122,7 +122,11 @@ pub(crate) fn ensure_own(config: &BusConfig) -> Result<(), BusError> {
         Err(BusError::OtherUser { path, owner: owner.to_string(), me: me.to_string(), change })
     };
     if let Some(owner) = owner(config).filter(|owner| *owner != me.uid).map(User::of) {
-        return refuse(config.root.clone(), &owner, format!("{} rivet ...", owner.run_as()));
+        return refuse(
+            config.root.clone(),
+            &owner,
+            format!("{} rivet ..., or choose another root (--root)", owner.run_as()),
+        );
     }
     ensure_guarded(&config.root, me.uid)?;
     match in_the_way(&everything(config), config, me.uid) {

@@ -54,6 +54,7 @@ pub(crate) fn drive(reader: &mut Reader<'_>) -> Drive {
         gear_ratio: reader.numbers("drive", "gear_ratio"),
         rotor_inertia: reader.numbers("drive", "rotor_inertia"),
         torque_limit: reader.numbers("drive", "torque_limit"),
+        velocity_limit: reader.optional_numbers("drive", "velocity_limit"),
         encoder_resolution: reader.numbers("drive", "encoder_resolution"),
         drive_gain: reader.optional_numbers("drive", "drive_gain"),
     }

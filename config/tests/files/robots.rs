@@ -52,6 +52,32 @@ fn contract_only_files_load() {
     }
 }
 
+/// A speed limit of 0 is none: it is named, and the robot file may give one.
+#[test]
+fn a_joint_without_a_speed_limit_is_named() {
+    let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/dd2");
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name);
+    let urdf = fs::read_to_string(from.join("robot.urdf")).expect("read");
+    let text = fs::read_to_string(from.join("robot.toml")).expect("read");
+    let (begin, rest) = urdf.split_once("velocity=\"").expect("a speed limit");
+    let (_, rest) = rest.split_once('"').expect("closed");
+    let warned = |urdf: &str, text: &str| {
+        fs::write(at("robot.urdf"), urdf).expect("written");
+        let robot = rivet_config::parse(&at("robot.toml"), text).unwrap_or_else(|e| panic!("{e}"));
+        let warnings = robot.warnings().into_iter().filter(|warning| warning.contains("speed limit")).count();
+        (warnings, robot.model.arm.joints[0].velocity)
+    };
+    assert_eq!(warned(&urdf, &text).0, 0);
+    for unset in [format!("{begin}velocity=\"0\"{rest}"), format!("{begin}{rest}")] {
+        assert_eq!(warned(&unset, &text), (1, f64::INFINITY));
+        let given = text.replace("[drive]\n", "[drive]\nvelocity_limit = [3.0, 4.0]\n");
+        assert_eq!(warned(&unset, &given), (0, 3.0));
+    }
+    let zero = text.replace("[drive]\n", "[drive]\nvelocity_limit = [0, 4.0]\n");
+    rivet_config::parse(&at("robot.toml"), &zero).expect_err("0 is no limit");
+}
+
 /// What a joint can do is the drive's to say: a URDF that says nothing of effort changes nothing.
 #[test]
 fn effort_is_the_drives() {

@@ -174,16 +174,22 @@ pub(crate) enum Wrong {
     Frozen(usize),
     /// One position, which flickers by an encoder step.
     Flickers(usize),
+    /// One position, with noise of this standard deviation \[rad\].
+    NoisyFrozen(usize, f64),
     /// One position is counted backwards from where it is.
     Backwards(usize),
     /// One position has the other sign.
     Negative(usize),
     /// All positions and torques are those of so many seconds ago.
     Late(f64),
+    /// The delay of all positions grows by so many seconds a second, up to so many seconds.
+    LaterAndLater(f64, f64),
     /// The way of one position from where it is is multiplied by a factor.
     Scaled(usize, f64),
     /// One position drifts by so many rad/s.
     Drift(usize, f64),
+    /// One position drifts, faster by so many rad/s a second.
+    DriftGrows(usize, f64),
     /// One position is so far off.
     Jump(usize, f64),
     /// A position is not a number.
@@ -242,12 +248,15 @@ pub(crate) struct Rig {
     leaping: u64,
     /// Distances are those from the plan that `bend` has changed, not from the one before.
     pub(crate) bend_is_planned: bool,
+    /// Positions and velocities of the plan are those of the arm from the first wrong setpoint on.
+    pub(crate) from_measured: bool,
     largest_step: f64,
     law: Option<LawAlone>,
     planless: bool,
     physics: Physics,
     arm: TwoMassArm,
     random: Random,
+    fault_noise: Random,
     seq: u64,
     acting: Values,
     states: Vec<JointState>,
@@ -277,6 +286,7 @@ impl Rig {
             core: Core::new(&robot, 0).expect("sound settings"),
             arm: TwoMassArm::new(&physics, &motion.centre()),
             random: Random::stream(1, 7),
+            fault_noise: Random::stream(2, 7),
             seq: 0,
             acting: [0.0; MAX_JOINTS],
             states: Vec::new(),
@@ -286,6 +296,7 @@ impl Rig {
             leap: 0,
             leaping: 0,
             bend_is_planned: false,
+            from_measured: false,
             largest_step: 0.0,
             law: None,
             planless: false,
@@ -344,8 +355,9 @@ impl Rig {
     }
 
     /// The sample with its fault, `k` periods after the first wrong one; `None` where none comes.
-    fn spoilt(&self, sample: &JointState, wrong: Wrong, k: usize) -> Option<JointState> {
+    fn spoilt(&mut self, sample: &JointState, wrong: Wrong, k: usize) -> Option<JointState> {
         let mut seen = *sample;
+        let (noise, since_s) = (self.fault_noise.normal(), (k + 1) as f64 * self.period_s());
         let ago = |samples: usize| self.states.get(self.states.len().saturating_sub(samples + 1)).unwrap_or(sample);
         // The last sound sample: the present one is not among them yet.
         let before = ago(k);
@@ -355,16 +367,32 @@ impl Rig {
             Wrong::Repeated => seen = *before,
             Wrong::AllFrozen => (seen.q, seen.tau) = (before.q, before.tau),
             Wrong::Frozen(j) => seen.q[j] = before.q[j],
+            Wrong::NoisyFrozen(j, deviation) => {
+                let step = self.robot.config.drive.encoder_resolution[j];
+                seen.q[j] = ((before.q[j] + deviation * noise) / step).round() * step;
+            }
             Wrong::Flickers(j) => {
                 seen.q[j] = before.q[j] + f64::from(k as u32 % 2) * self.robot.config.drive.encoder_resolution[j];
             }
             Wrong::Backwards(j) => seen.q[j] = 2.0 * before.q[j] - sample.q[j],
             Wrong::Negative(j) => seen.q[j] = -sample.q[j],
             Wrong::Scaled(j, factor) => seen.q[j] = before.q[j] + factor * (sample.q[j] - before.q[j]),
-            Wrong::Drift(j, by) => seen.q[j] += by * (k + 1) as f64 * self.period_s(),
+            Wrong::Drift(j, by) => seen.q[j] += by * since_s,
+            Wrong::DriftGrows(j, by) => seen.q[j] += 0.5 * by * since_s * since_s,
             Wrong::Late(by) => {
                 let old = ago((by / self.period_s()).round() as usize - 1);
                 (seen.q, seen.tau) = (old.q, old.tau);
+            }
+            Wrong::LaterAndLater(rate, most_s) => {
+                let ago_samples = (rate * since_s).min(most_s) / self.period_s();
+                let (whole, part) = (ago_samples as usize, ago_samples.fract());
+                // The present sample is not among them yet.
+                let at = |k: usize| if k == 0 { sample } else { ago(k - 1) };
+                let (late, later) = (at(whole), at(whole + 1));
+                seen.tau = late.tau;
+                for j in 0..self.robot.dof() {
+                    seen.q[j] = late.q[j] + part * (later.q[j] - late.q[j]);
+                }
             }
             Wrong::Jump(j, by) => seen.q[j] += by,
             Wrong::NotFinite(j) => seen.q[j] = f64::NAN,
@@ -474,6 +502,10 @@ impl Rig {
             }
             self.planless = k >= sound && wrong == Wrong::Planless;
             self.leaping = if k >= sound { self.leap } else { 0 };
+            if k >= sound && self.from_measured {
+                let [q, qd] = self.arm.links();
+                (plan[0], plan[1]) = (q, qd);
+            }
             if k >= sound {
                 bend((k - sound) as f64 * period_s, &mut plan);
             }

@@ -96,6 +96,7 @@ fn digest_into(digest: &mut Sha256, path: &Path) -> io::Result<()> {
         }
         return Ok(());
     }
+    rivet_files::ensure_regular(path)?;
     let mut file = File::open(path)?;
     let mut block = vec![0; BLOCK_BYTES];
     loop {

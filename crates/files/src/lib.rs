@@ -26,6 +26,7 @@ use rustix::fs::OFlags;
 pub use status_line::StatusLine;
 use std::fs::{self, File};
 use std::io::{self, Read as _, Write as _};
+use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 pub use sweep::sweep;
 
@@ -73,20 +74,32 @@ pub fn create_new(path: &Path) -> io::Result<File> {
     Folder::open(destination::parent(path))?.open_file(name, flags, destination::NEW_FILE)
 }
 
+/// That a path leads to a regular file: a reader of a pipe or a device might wait for ever.
+///
+/// # Errors
+/// It leads to nothing, or to something else, which the error names.
+pub fn ensure_regular(path: &Path) -> io::Result<fs::Metadata> {
+    let what = fs::metadata(path)?;
+    let unfit = |why: &str| Err(io::Error::new(io::ErrorKind::InvalidInput, why));
+    if what.is_dir() {
+        return unfit("it is a folder");
+    }
+    if !what.is_file() {
+        return unfit("it is a pipe or a device, not a file");
+    }
+    Ok(what)
+}
+
 /// A file, whole. Of a pipe or a device a reader might wait for ever, which a service must not.
 ///
 /// # Errors
 /// It cannot be read, is no regular file, or has more than `largest` bytes.
 pub fn read_whole(path: &Path, largest: u64) -> io::Result<Vec<u8>> {
-    let what = fs::metadata(path)?;
-    let unfit = |why: String| -> io::Result<Vec<u8>> { Err(io::Error::new(io::ErrorKind::InvalidInput, why)) };
-    if what.is_dir() {
-        return unfit("it is a folder".to_owned());
-    }
-    if !what.is_file() {
-        return unfit("it is a pipe or a device, not a file".to_owned());
-    }
-    let too_long = |bytes: u64| unfit(format!("it has {bytes} bytes; at most {largest} are allowed"));
+    let what = ensure_regular(path)?;
+    let too_long = |bytes: u64| {
+        let why = format!("it has {bytes} bytes; at most {largest} are allowed");
+        Err(io::Error::new(io::ErrorKind::InvalidInput, why))
+    };
     if what.len() > largest {
         return too_long(what.len());
     }
@@ -130,6 +143,31 @@ pub fn writable_folder(folder: &Path) -> io::Result<()> {
         Some(there) if there.is_dir() => writable(&there.join("probe")),
         _ => Err(io::ErrorKind::NotADirectory.into()),
     }
+}
+
+/// Permission of all others to write.
+const OTHERS_WRITE: u32 = 0o002;
+/// In a folder with this bit nobody but a file's owner, the folder's owner and root renames or removes it.
+const STICKY: u32 = 0o1000;
+
+/// That nobody else decides what a folder holds: it belongs to this user or to root, and others may write there only under the sticky bit.
+///
+/// # Errors
+/// Whose it is or who may write there, and what to do.
+pub fn ensure_guarded(folder: &Path) -> io::Result<()> {
+    let there = fs::metadata(folder)?;
+    let refuse = |why: String| Err(io::Error::new(io::ErrorKind::InvalidInput, why));
+    let (owner, mode) = (there.uid(), there.mode() & 0o7777);
+    if owner != me() && owner != 0 {
+        return refuse(format!(
+            "it belongs to user {owner}, and this program runs as user {}; name another folder",
+            me()
+        ));
+    }
+    if mode & OTHERS_WRITE != 0 && mode & STICKY == 0 {
+        return refuse(format!("others can write there (mode {mode:o}); use: chmod o-w {}", folder.display()));
+    }
+    Ok(())
 }
 
 /// That a folder has room for a file of so many bytes: writes them to a temporary file, which is gone afterwards.

@@ -20,7 +20,18 @@ const CLOSED: u32 = 0o600;
 pub fn open_lock(path: &Path) -> io::Result<File> {
     let name = path.file_name().ok_or(io::ErrorKind::InvalidInput)?;
     let flags = OFlags::RDWR | OFlags::CREATE | OFlags::NONBLOCK;
-    let file = Folder::open(parent(path))?.open_file(name, flags, CLOSED)?;
+    let folder = Folder::open(parent(path))?;
+    let file = folder.open_file(name, flags, CLOSED).map_err(|why| match folder.entry(name) {
+        Ok(there) if there.is_link() => {
+            let why = format!(
+                "it is a symbolic link of user {}, and a lock is no link; remove it: rm {}",
+                there.stat().st_uid,
+                path.display()
+            );
+            io::Error::new(io::ErrorKind::InvalidInput, why)
+        }
+        _ => why,
+    })?;
     let there = file.metadata()?;
     if !there.is_file() || there.uid() != me() {
         let why = format!("it must be a file of user {}, and user {} owns it; remove it", me(), there.uid());

@@ -4,11 +4,26 @@ use std::borrow::Cow;
 use std::fmt;
 use std::io::{self, Write as _};
 
-/// Whether a terminal would act on a character, or show the text in another order: C0 and C1 controls, DEL, line and paragraph
-/// separators, marks and overrides of writing direction.
+/// Whether a terminal would act on a character, show the text in another order, or show nothing, so that two names look alike: C0 and C1
+/// controls, DEL, line and paragraph separators, format characters (Cf of Unicode 16), and fillers and selectors without a width.
 pub fn is_unsafe(c: char) -> bool {
-    c.is_control()
-        || matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+    c.is_control() || is_format(c) || is_invisible(c)
+}
+
+/// Unicode's category Cf, line and paragraph separators.
+fn is_format(c: char) -> bool {
+    matches!(c,
+        '\u{ad}' | '\u{600}'..='\u{605}' | '\u{61c}' | '\u{6dd}' | '\u{70f}' | '\u{890}' | '\u{891}' | '\u{8e2}' | '\u{180e}'
+        | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}' | '\u{fff9}'..='\u{fffb}'
+        | '\u{110bd}' | '\u{110cd}' | '\u{13430}'..='\u{1343f}' | '\u{1bca0}'..='\u{1bca3}' | '\u{1d173}'..='\u{1d17a}'
+        | '\u{e0000}'..='\u{e007f}')
+}
+
+/// Characters of other categories that show nothing: joiners, Hangul fillers, inherent vowels of Khmer, selectors of variants.
+fn is_invisible(c: char) -> bool {
+    matches!(c,
+        '\u{34f}' | '\u{115f}' | '\u{1160}' | '\u{17b4}' | '\u{17b5}' | '\u{180b}'..='\u{180f}' | '\u{2800}' | '\u{3164}'
+        | '\u{fe00}'..='\u{fe0f}' | '\u{ffa0}' | '\u{e0100}'..='\u{e01ef}')
 }
 
 /// The text with every unsafe character as its escape: `\n`, `\t`, `\u{9b}`. Text without one is not copied.
@@ -93,9 +108,10 @@ pub fn printable_json(text: String) -> String {
     let mut out = String::with_capacity(text.len() + 8);
     for c in text.chars() {
         if unsafe_here(c) {
-            // All of them are in the basic plane. Outside strings JSON has none but white space, which serde_json does not write.
-            // Writing to a string cannot fail.
-            let _ = fmt::Write::write_fmt(&mut out, format_args!("\\u{:04x}", u32::from(c)));
+            // Outside strings JSON has none but white space, which serde_json does not write. Writing to a string cannot fail.
+            for unit in c.encode_utf16(&mut [0; 2]) {
+                let _ = fmt::Write::write_fmt(&mut out, format_args!("\\u{unit:04x}"));
+            }
         } else {
             out.push(c);
         }
@@ -114,6 +130,15 @@ mod tests {
             let shown = printable(&format!("a{c}b")).into_owned();
             assert!(shown.starts_with("a\\") && shown.is_ascii() && !shown.contains(c), "{shown:?}");
         }
+        for c in
+            ['\u{ad}', '\u{200b}', '\u{200d}', '\u{2060}', '\u{feff}', '\u{3164}', '\u{fe0f}', '\u{e0041}', '\u{13430}']
+        {
+            let shown = printable(&format!("a{c}b")).into_owned();
+            assert_eq!(shown, format!("a\\u{{{:x}}}b", u32::from(c)));
+            let json = printable_json(format!("\"a{c}b\""));
+            assert!(json.is_ascii() && json.starts_with("\"a\\u"), "{json}");
+        }
+        assert_eq!(printable_json("\u{e0041}".to_owned()), "\\udb40\\udc41");
         assert!(matches!(printable("Gelenk ü 関節"), Cow::Borrowed(_)));
         assert_eq!(Printable("a\n\u{1b}[2J").to_string(), "a\n\\u{1b}[2J");
     }

@@ -193,7 +193,7 @@ fn unwritten(why: ParquetError) -> io::Error {
 
 fn open(path: &Path) -> Result<Option<SerializedFileReader<File>>> {
     let at = || path.display().to_string();
-    let file = match File::open(path) {
+    let file = match rivet_files::ensure_regular(path).and_then(|_| File::open(path)) {
         Err(why) if why.kind() == io::ErrorKind::NotFound => return Ok(None),
         opened => opened.with_context(at)?,
     };

@@ -6,6 +6,9 @@ use rivet_dynamics::MAX_JOINTS;
 
 /// Share of a joint's speed limit above which its speed is a fault: plans end at the limit, and following one may overshoot.
 const SPEED_SHARE: f64 = 1.1;
+/// The same for the speed that a joint reaches before its drive has taken its acceleration back: the bound of a stop is 1.2, and the
+/// rest is for the time until this shows.
+const PEAK_SHARE: f64 = 1.15;
 /// Noise of a difference of two readings, in encoder steps.
 const NOISE_STEPS: f64 = 4.0;
 /// Fewest identical readings that are a reading which is frozen.
@@ -15,9 +18,19 @@ const FLICKER_STEPS: f64 = 1.5;
 /// A joint that friction holds yields by more than this before it slides \[rad\]. Encoders of finer steps show it; of those of coarser
 /// steps only readings that are equal are still.
 const LEAST_YIELD: f64 = 3e-5;
-/// Steps that a joint would have moved by in one sample, in parts of [`NOISE_STEPS`], from which on readings within those are identical: a
-/// sound joint does not stop so abruptly.
-const ABRUPT_TIMES: f64 = 8.0;
+/// Readings within the way that a joint made before in so many seconds are identical: a sound joint does not stop on so short a way while
+/// its plan goes on. Less than [`NOISE_STEPS`] say nothing.
+const ABRUPT_S: f64 = LONGEST_REPEAT_S / 24.0;
+/// Deviations from their mean within which readings with noise are still, in standard deviations of the noise.
+const STILL_SIGMAS: f64 = 5.0;
+/// Memory of that noise \[samples\].
+const NOISE_SAMPLES: f64 = 8.0;
+/// Variance of the third difference of white noise, in parts of that of the noise: 1 + 9 + 9 + 1.
+const THIRD_DIFFERENCE: f64 = 20.0;
+/// The same of the second difference: 1 + 4 + 1.
+const SECOND_DIFFERENCE: f64 = 6.0;
+/// Way of the plan from which on a joint that is still is behind it, in parts of the deviations that count as still.
+const BEHIND_TIMES: f64 = 2.0;
 /// Speed above which a joint does not stand from one sample to the next while its plan goes on, if friction does not stop it \[rad/s\].
 const ABRUPT: f64 = 0.05;
 /// Encoder steps that it moved by before, at least: a coarse encoder repeats readings in slow motion.
@@ -49,6 +62,8 @@ pub struct MotionLimits {
     pub speed: f64,
     /// Torque that a load or a contact may put on the joint which the model does not have \[N·m\].
     pub unmodelled: f64,
+    /// Fastest change of the acceleration that the drive gives the joint \[rad/s³\]; 0 where that is not known.
+    pub jerk: f64,
     /// Inertia that a reading's noise is multiplied by where its second difference is taken for a torque \[kg·m²\].
     pub inertia: f64,
 }
@@ -71,15 +86,23 @@ struct Joint {
     same: u32,
     anchor: f64,
     band: f64,
-    /// Readings in a row within [`FLICKER_STEPS`] of the first of them, which is `still_at` \[rad\].
+    /// Readings in a row that differ by flicker and noise alone from their mean, which is `still_at` \[rad\].
     still: u32,
     still_at: f64,
+    /// The last three readings, the newest first \[rad\], how many there are, and the variance of their noise \[rad²\].
+    past: [f64; 3],
+    known: u32,
+    noise: f64,
     /// The run began at speed while the plan went on.
     abrupt: bool,
     /// Where the plan was when the run of still readings began.
     plan_before: f64,
     /// The way of the plan from the reading, once it has gone on since the run began \[rad\].
     ahead: f64,
+    /// Samples in a row after which the drive lets go too late.
+    late: u32,
+    /// What the model misses while readings are still, smoothed over the window \[N·m\].
+    still_missed: f64,
     /// What the model misses \[N·m\], slowly varying, and the same when the run began.
     model_error: f64,
     error_before: f64,
@@ -205,7 +228,14 @@ impl MotionCheck {
             let resolution = limits.joint.resolution;
             let noise = NOISE_STEPS * resolution / self.window.half_s();
             let most = SPEED_SHARE * limits.speed + noise;
-            fast |= if fresh && self.window.speed(j).is_some_and(|speed| speed.abs() > most) { bit } else { 0 };
+            let speed = self.window.speed(j).unwrap_or(0.0);
+            let a = self.window.acceleration(j).unwrap_or(0.0);
+            let peak = peak(speed, a, limits, self.window.half_s());
+            let is_late = fresh && peak > PEAK_SHARE * limits.speed + noise;
+            joint.late = if is_late { joint.late.saturating_add(1) } else { 0 };
+            // A reading that freezes looks like an acceleration for a moment.
+            let is_fast = speed.abs() > most || joint.late > self.frozen_run;
+            fast |= if fresh && is_fast { bit } else { 0 };
             let plan = planned.map(|planned| (planned.q[j], planned.qd[j]));
             let before = Before {
                 speed: speeds[j],
@@ -213,10 +243,12 @@ impl MotionCheck {
                 period_s: self.period_s,
                 half_s: self.window.half_s(),
                 resolution,
+                repeats,
             };
             joint.read(q[j], lost, first, plan, &before);
             joint.ahead = plan.map_or(0.0, |(planned, _)| {
-                let gone = (planned - joint.plan_before).abs() > NOISE_STEPS * resolution;
+                let way = (NOISE_STEPS * resolution).max(BEHIND_TIMES * joint.still_band(resolution));
+                let gone = (planned - joint.plan_before).abs() > way;
                 if gone { planned - q[j] } else { 0.0 }
             });
             frozen |= if joint.same >= self.frozen_run && joint.abrupt { bit } else { 0 };
@@ -260,8 +292,18 @@ impl MotionCheck {
             let friction = coulomb[j].abs() + joint.error_before.abs();
             joint.breakaway = limits.joint.breakaway.max(breakaway(friction, limits.joint.torque));
             // A load that the model does not know was missed in motion as well.
-            let pushed = (joint.error_before - missed) * joint.ahead.signum();
-            let is_held = joint.ahead == 0.0 || joint.still < whole || pushed <= joint.breakaway + noise;
+            let span = f64::from(joint.still.clamp(1, whole));
+            joint.still_missed += (missed - joint.still_missed) / span;
+            // Noise of three readings in the acceleration. A mean over the window has less of it, and shows later what grows.
+            let of_noise = SECOND_DIFFERENCE.sqrt() * STILL_SIGMAS * joint.noise.sqrt();
+            let of_noise = of_noise / self.window.half_s().powi(2) * limits.inertia;
+            let is_pushed = |missed: f64, of_noise: f64| {
+                let pushed = (joint.error_before - missed) * joint.ahead.signum();
+                pushed > joint.breakaway + noise.max(of_noise)
+            };
+            let is_pushed =
+                is_pushed(missed, of_noise) || is_pushed(joint.still_missed, of_noise / f64::from(whole).sqrt());
+            let is_held = joint.ahead == 0.0 || joint.still < whole || !is_pushed;
             frozen |= if is_held { 0 } else { 1 << j };
             if !self.compared {
                 (joint.model_error, joint.slow_error) = (missed, missed);
@@ -313,6 +355,17 @@ impl MotionCheck {
     }
 }
 
+/// Speed \[rad/s\] that a joint reaches which accelerates by `a` \[rad/s²\], before its drive has taken that back. `speed` is the mean over
+/// the last `half_s` seconds.
+fn peak(speed: f64, a: f64, limits: &MotionLimits, half_s: f64) -> f64 {
+    let noise = NOISE_STEPS * limits.joint.resolution / half_s.powi(2);
+    // More than the drive gives is that of a reading, which other checks look at.
+    let most = limits.joint.torque / limits.inertia.max(f64::MIN_POSITIVE);
+    let a = if a.abs() <= most { (a * speed.signum() - noise).max(0.0) } else { 0.0 };
+    let back_s = if limits.jerk > 0.0 { a / limits.jerk } else { 0.0 };
+    speed.abs() + 0.5 * a * (half_s + back_s)
+}
+
 /// What a joint did before a reading.
 struct Before {
     /// Speed over the last `half_s` seconds \[rad/s\].
@@ -323,20 +376,16 @@ struct Before {
     period_s: f64,
     /// Step of the encoder \[rad\].
     resolution: f64,
+    /// No joint has a new reading: encoders that are read seldom have steps that are no noise.
+    repeats: bool,
 }
 
 impl Before {
     /// How far apart readings may be that count as identical \[rad\]: an encoder that is frozen may flicker by a few steps. Only where the
     /// joint would move by more than that from one sample to the next; else a slow joint would count as frozen.
     fn band(&self) -> f64 {
-        let flicker = NOISE_STEPS * self.resolution;
-        if self.speed.abs() * self.period_s > ABRUPT_TIMES * flicker { flicker } else { 0.0 }
-    }
-
-    /// The same for a joint that stands.
-    fn still_band(&self) -> f64 {
-        let flicker = FLICKER_STEPS * self.resolution;
-        if flicker <= LEAST_YIELD { flicker } else { 0.0 }
+        let (flicker, abrupt) = (NOISE_STEPS * self.resolution, self.speed.abs() * ABRUPT_S);
+        if abrupt > flicker && self.period_s > ABRUPT_S * 2.0 && self.resolution < LEAST_YIELD { abrupt } else { 0.0 }
     }
 
     /// Whether the joint moved at a steady speed: `last` is its way in the last period. One that comes to rest is slower there.
@@ -349,13 +398,36 @@ impl Before {
 }
 
 impl Joint {
+    /// How far readings of a joint that stands may be from their mean \[rad\], by flicker and by noise. Noise of less than a step is that of
+    /// the steps.
+    fn still_band(&self, resolution: f64) -> f64 {
+        let (flicker, sigma) = (FLICKER_STEPS * resolution, self.noise.sqrt());
+        let flicker = if flicker <= LEAST_YIELD { flicker } else { 0.0 };
+        let noise = STILL_SIGMAS * sigma;
+        if noise <= LEAST_YIELD || sigma > resolution { flicker.max(noise) } else { flicker }
+    }
+
+    /// Takes a reading into the noise: third differences of what a joint does are small.
+    fn take_noise(&mut self, q: f64, lost: u64) {
+        let [last, before, first] = self.past;
+        if lost > 0 {
+            self.known = 0;
+        } else if self.known >= 3 {
+            let third = q - 3.0 * (last - before) - first;
+            self.noise += (third * third / THIRD_DIFFERENCE - self.noise) / NOISE_SAMPLES;
+        }
+        (self.past, self.known) = ([q, last, before], self.known.saturating_add(1));
+    }
+
     /// Counts identical readings, `lost` samples after the last. `plan` is position and velocity of the plan.
     fn read(&mut self, q: f64, lost: u64, first: bool, plan: Option<(f64, f64)>, before: &Before) {
-        if !first && (q - self.still_at).abs() <= before.still_band() {
+        self.take_noise(q, if first || before.repeats { 1 } else { lost });
+        if !first && (q - self.still_at).abs() <= self.still_band(before.resolution) {
             if self.still == 0 {
                 self.error_before = self.model_error;
             }
             self.still = self.still.saturating_add(1).saturating_add(lost as u32);
+            self.still_at += (q - self.still_at) / f64::from(self.still + 1);
         } else {
             (self.still, self.still_at) = (0, q);
             self.plan_before = plan.map_or(f64::NAN, |(q, _)| q);
@@ -385,7 +457,7 @@ mod tests {
 
     fn check(period_s: f64) -> MotionCheck {
         let joint = JointLimits { resolution: 1e-5, torque: 10.0, revolute: true, breakaway: 1.0 };
-        MotionCheck::new(&[MotionLimits { joint, speed: 3.0, unmodelled: 5.0, inertia: 0.1 }], period_s)
+        MotionCheck::new(&[MotionLimits { joint, speed: 3.0, unmodelled: 5.0, jerk: 0.0, inertia: 0.1 }], period_s)
     }
 
     /// Position and velocity of a motion of 1 rad/s at the most.
@@ -451,8 +523,10 @@ mod tests {
     fn a_slow_joint_that_friction_stops_is_sound() {
         for (breakaway, expected) in [(2.0, None), (0.2, Some(Found { fault: Fault::Frozen, joints: 1 }))] {
             let joint = JointLimits { resolution: 1e-5, torque: 10.0, revolute: true, breakaway };
-            let mut check =
-                MotionCheck::new(&[MotionLimits { joint, speed: 3.0, unmodelled: 5.0, inertia: 0.1 }], 0.004);
+            let mut check = MotionCheck::new(
+                &[MotionLimits { joint, speed: 3.0, unmodelled: 5.0, jerk: 0.0, inertia: 0.1 }],
+                0.004,
+            );
             let found = (1..=200).find_map(|seq| {
                 let t = seq as f64 * 0.004;
                 let planned = Planned { q: &[0.06 * t], qd: &[0.06] };
@@ -529,5 +603,71 @@ mod tests {
         assert!((1.0..1.004).contains(&sudden), "{sudden} s");
         let slow = unanswered_at(|t| 18.0 * (t - 1.0).clamp(0.0, 0.5)).expect("found");
         assert!((1.3..1.5).contains(&slow), "{slow} s");
+    }
+
+    /// A joint of 0.1 kg m² with friction that its model does not have: `true_q` is where it is, `command` what it gets, `sigma` the noise of
+    /// its encoder \[rad\]. What is found first, and when \[s\].
+    fn noisy(
+        period_s: f64,
+        sigma: f64,
+        true_q: impl Fn(f64) -> f64,
+        command: impl Fn(f64) -> f64,
+    ) -> Option<(f64, Found)> {
+        let mut check = check(period_s);
+        let mut state = 1_u64;
+        let mut uniform = move || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) as f64 / 2f64.powi(31)
+        };
+        (1..=(1.0 / period_s) as u64).find_map(|seq| {
+            let t = seq as f64 * period_s;
+            // Twelve make one of unit variance.
+            let noise = (0..12).map(|_| uniform()).sum::<f64>() - 6.0;
+            let seen = rounded(true_q(t) + sigma * noise);
+            let planned = Planned { q: &[0.5 * t], qd: &[0.5] };
+            let found = check.check(seq, &[seen], &[command(t)], Some(planned)).or_else(|| {
+                let motion = check.motion()?;
+                check.answers(&motion, &[0.1 * motion.qdd[0]], &[0.0])
+            });
+            found.map(|found| (t, found))
+        })
+    }
+
+    /// Noise of up to twenty steps on a joint that stands: frozen where the command pushes beyond what friction holds, not before.
+    #[test]
+    fn a_frozen_reading_with_noise_is_found_and_a_joint_that_friction_holds_is_sound() {
+        for period_s in PERIODS {
+            for sigma in [2e-5, 1e-4, 2e-4] {
+                // Friction may hold 1 N m by the file; the push reaches that 0.5 s after the joint stands.
+                let push = |most: f64| move |t: f64| most * (t - 0.2).clamp(0.0, 0.5) / 0.5;
+                let stands = |t: f64| 0.5 * t.min(0.05) * 0.1;
+                assert_eq!(noisy(period_s, sigma, stands, push(0.9)), None, "{period_s} s, {sigma} rad");
+                let (t, found) = noisy(period_s, sigma, stands, push(4.9)).expect("found");
+                assert_eq!(found, Found { fault: Fault::Frozen, joints: 1 }, "{period_s} s, {sigma} rad");
+                assert!((0.25..0.7).contains(&t), "{t} s, {period_s} s, {sigma} rad");
+            }
+        }
+    }
+
+    /// The drive takes 3 N m back in 0.2 s: a joint of 0.1 kg m² with 30 rad/s² gets faster by 3 rad/s meanwhile.
+    #[test]
+    fn a_joint_whose_drive_cannot_let_go_in_time_is_too_fast_early() {
+        for period_s in PERIODS {
+            let at = |jerk: f64| {
+                let joint = JointLimits { resolution: 1e-6, torque: 10.0, revolute: true, breakaway: 1.0 };
+                let limits = MotionLimits { joint, speed: 6.0, unmodelled: 5.0, jerk, inertia: 0.1 };
+                let mut check = MotionCheck::new(&[limits], period_s);
+                let found = (1..=1000).find_map(|seq| {
+                    let t = seq as f64 * period_s;
+                    check.check(seq, &[15.0 * t * t], &[3.0], None).map(|found| (found, 30.0 * t))
+                });
+                let (found, speed) = found.expect("found");
+                assert_eq!(found, Found { fault: Fault::TooFast, joints: 1 });
+                speed
+            };
+            assert!((6.5..7.0).contains(&at(0.0)), "{}", at(0.0));
+            let early = at(150.0);
+            assert!((3.8..4.2).contains(&early), "{early} rad/s, {period_s} s");
+        }
     }
 }

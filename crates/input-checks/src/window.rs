@@ -95,6 +95,14 @@ impl Window {
         })
     }
 
+    /// Acceleration over the whole window \[rad/s²\].
+    pub(crate) fn acceleration(&self, j: usize) -> Option<f64> {
+        (self.filled > 2 * self.half).then(|| {
+            let [now, middle, old] = [0, self.half, 2 * self.half].map(|age| self.q[self.slot(age)][j]);
+            (now - 2.0 * middle + old) / self.half_s().powi(2)
+        })
+    }
+
     /// Time over which [`speed`](Self::speed) is taken \[s\].
     pub(crate) fn half_s(&self) -> f64 {
         self.half as f64 * self.period_s

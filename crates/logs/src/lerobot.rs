@@ -125,6 +125,7 @@ fn collect(folder: &Path, depth: usize, files: &mut Vec<PathBuf>) -> std::io::Re
         if path.is_dir() && depth > 0 {
             collect(&path, depth - 1, files)?;
         } else if path.extension().is_some_and(|ext| ext == "parquet") && files.len() < MAX_FILES {
+            rivet_files::ensure_regular(&path)?;
             files.push(path);
         }
     }

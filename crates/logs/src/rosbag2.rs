@@ -47,7 +47,10 @@ fn storage(path: &Path) -> Result<Storage, LogError> {
     if let Some(file) = metadata.files.iter().find(|file| !is_inside(file)) {
         return refuse(format!("file \"{file}\" is not inside the folder; every file of a bag is"));
     }
-    let files = metadata.files.iter().map(|file| path.join(file)).collect();
+    let files: Vec<PathBuf> = metadata.files.iter().map(|file| path.join(file)).collect();
+    for file in &files {
+        rivet_files::ensure_regular(file).map_err(|e| LogFault::Io(e).at(file))?;
+    }
     match metadata.storage.as_str() {
         "mcap" => Ok(Storage::Mcap(files)),
         "sqlite3" => Ok(Storage::Sqlite(files)),

@@ -48,7 +48,7 @@ impl Store {
     /// [`save`](Self::save) that finds it writable takes it. A daemon beside an arm must not end for it.
     ///
     /// # Errors
-    /// Another process writes there, or the system refuses for a reason that does not pass.
+    /// Another process writes there, the folder is another user's or others may write there, or the system refuses for a reason that does not pass.
     pub fn open(folder: &Path, robot: &str) -> Result<Store, StoreError> {
         let mut store = Store::reader(folder, robot);
         match store.take() {
@@ -70,6 +70,7 @@ impl Store {
         }
         let fail = |path: &Path, source| StoreError { path: path.to_owned(), source };
         fs::create_dir_all(&self.folder).map_err(|source| fail(&self.folder, source))?;
+        rivet_files::ensure_guarded(&self.folder).map_err(|source| fail(&self.folder, source))?;
         let path = self.folder.join(format!("{}.lock", self.robot));
         let lock = rivet_files::open_lock(&path).map_err(|source| fail(&path, source))?;
         lock.try_lock().map_err(|why| match why {

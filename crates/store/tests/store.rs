@@ -206,3 +206,36 @@ proptest! {
         }
     }
 }
+
+/// A folder of another user, or one in which others write, is no place for parameters. Needs root to be two users.
+#[test]
+fn a_folder_that_others_control_is_refused() {
+    use std::os::unix::fs::{PermissionsExt as _, chown};
+    let folder = tempfile::tempdir().expect("a folder");
+    let mode = |mode| fs::set_permissions(folder.path(), fs::Permissions::from_mode(mode)).expect("changed");
+    let why = |store: Result<Store, rivet_store::StoreError>| store.map(|_| ()).expect_err("refused").to_string();
+    mode(0o777);
+    let refused = why(Store::open(folder.path(), "arm"));
+    assert!(refused.contains("mode 777") && refused.contains("chmod o-w"), "{refused}");
+    mode(0o1777);
+    drop(Store::open(folder.path(), "arm").expect("under the sticky bit"));
+    mode(0o775);
+    drop(Store::open(folder.path(), "arm").expect("a group of this user"));
+    if chown(folder.path(), Some(4242), None).is_ok() {
+        mode(0o755);
+        let refused = why(Store::open(folder.path(), "arm"));
+        assert!(refused.contains("user 4242"), "{refused}");
+    }
+}
+
+/// A link in the place of the lock is named with its owner and what to do.
+#[test]
+fn a_link_in_the_place_of_the_lock_is_named() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let lock = folder.path().join("arm.lock");
+    std::os::unix::fs::symlink("elsewhere", &lock).expect("a link");
+    let why = Store::open(folder.path(), "arm").map(|_| ()).expect_err("refused").to_string();
+    let me = fs::symlink_metadata(&lock).map(|there| std::os::unix::fs::MetadataExt::uid(&there)).expect("there");
+    assert!(why.contains(&format!("symbolic link of user {me}")) && why.contains("rm "), "{why}");
+    assert!(!folder.path().join("elsewhere").exists());
+}

@@ -2,10 +2,9 @@
 
 use std::fmt::Write as _;
 
-/// Control characters other than white space, and marks and overrides of writing direction: a name with one reads as another name.
+/// What a terminal must not show, but line feeds and tabs: a name with one reads as another name.
 pub(crate) fn is_unsafe(c: char) -> bool {
-    (c.is_control() && !matches!(c, '\n' | '\t'))
-        || matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+    rivet_files::is_unsafe(c) && !matches!(c, '\n' | '\t')
 }
 
 /// Text with everything escaped that means something to HTML, and with control characters shown.

@@ -176,15 +176,7 @@ pub fn run_until(options: &Options, shutdown: &Shutdown) -> Result<Summary, SimE
     for line in truth.left_out() {
         rivet_files::note(format_args!("rivet-sim: {line}"));
     }
-    if let Some(path) = &options.truth_out {
-        output::json(path, &TruthFile::new(&robot, &truth, &disturbances))?;
-    }
-    let log = options.log_out.as_deref().map(|path| LogWriter::create(path, robot.dof())).transpose()?;
-    let (period_s, seed) = (robot.config.sample_period_s, options.seed(&robot));
-    let plant = Plant::new(&truth, &options.sensors(&robot), &options.plant(&robot), seed);
-    let governor = Governor::new(options.trajectory(&robot)?);
-    let stand_in = StandIn::new(plant, governor, period_s, options.stale_periods, seed);
-
+    // A bus that cannot be joined leaves no file behind.
     let name = RobotName::new(&robot.config.name)?;
     let bus = Bus::open(
         &BusConfig {
@@ -194,6 +186,15 @@ pub fn run_until(options: &Options, shutdown: &Shutdown) -> Result<Summary, SimE
         &name,
         "rivet-sim",
     )?;
+    if let Some(path) = &options.truth_out {
+        output::json(path, &TruthFile::new(&robot, &truth, &disturbances))?;
+    }
+    let log = options.log_out.as_deref().map(|path| LogWriter::create(path, robot.dof())).transpose()?;
+    let (period_s, seed) = (robot.config.sample_period_s, options.seed(&robot));
+    let plant = Plant::new(&truth, &options.sensors(&robot), &options.plant(&robot), seed);
+    let governor = Governor::new(options.trajectory(&robot)?);
+    let stand_in = StandIn::new(plant, governor, period_s, options.stale_periods, seed);
+
     let ports = Ports::open(&bus)?;
     rivet_files::note(format_args!("rivet-sim: {name}: ready, brakes closed until commands come"));
     let summary = exchange(stand_in, ports, log.as_ref(), options, shutdown, period_s);
