@@ -9,6 +9,8 @@ const SPEED_SHARE: f64 = 1.1;
 /// The same for the speed that a joint reaches before its drive has taken its acceleration back: the bound of a stop is 1.2, and the
 /// rest is for the time until this shows.
 const PEAK_SHARE: f64 = 1.15;
+/// So many samples in a row: a single wrong reading shows once as the newest, once in the middle and once at the end of the window.
+const LATE_SAMPLES: u32 = 2;
 /// Noise of a difference of two readings, in encoder steps.
 const NOISE_STEPS: f64 = 4.0;
 /// Fewest identical readings that are a reading which is frozen.
@@ -31,6 +33,9 @@ const THIRD_DIFFERENCE: f64 = 20.0;
 const SECOND_DIFFERENCE: f64 = 6.0;
 /// Way of the plan from which on a joint that is still is behind it, in parts of the deviations that count as still.
 const BEHIND_TIMES: f64 = 2.0;
+/// Steps that a joint would have moved by in one sample, in parts of [`NOISE_STEPS`], from which on readings within those are identical: a
+/// sound joint does not stop so abruptly.
+const ABRUPT_TIMES: f64 = 8.0;
 /// Speed above which a joint does not stand from one sample to the next while its plan goes on, if friction does not stop it \[rad/s\].
 const ABRUPT: f64 = 0.05;
 /// Encoder steps that it moved by before, at least: a coarse encoder repeats readings in slow motion.
@@ -233,8 +238,7 @@ impl MotionCheck {
             let peak = peak(speed, a, limits, self.window.half_s());
             let is_late = fresh && peak > PEAK_SHARE * limits.speed + noise;
             joint.late = if is_late { joint.late.saturating_add(1) } else { 0 };
-            // A reading that freezes looks like an acceleration for a moment.
-            let is_fast = speed.abs() > most || joint.late > self.frozen_run;
+            let is_fast = speed.abs() > most || joint.late >= LATE_SAMPLES;
             fast |= if fresh && is_fast { bit } else { 0 };
             let plan = planned.map(|planned| (planned.q[j], planned.qd[j]));
             let before = Before {
@@ -385,7 +389,14 @@ impl Before {
     /// joint would move by more than that from one sample to the next; else a slow joint would count as frozen.
     fn band(&self) -> f64 {
         let (flicker, abrupt) = (NOISE_STEPS * self.resolution, self.speed.abs() * ABRUPT_S);
-        if abrupt > flicker && self.period_s > ABRUPT_S * 2.0 && self.resolution < LEAST_YIELD { abrupt } else { 0.0 }
+        let is_slow_loop = self.period_s > 2.0 * ABRUPT_S;
+        if is_slow_loop && abrupt > flicker && self.resolution < LEAST_YIELD {
+            abrupt
+        } else if self.speed.abs() * self.period_s > ABRUPT_TIMES * flicker {
+            flicker
+        } else {
+            0.0
+        }
     }
 
     /// Whether the joint moved at a steady speed: `last` is its way in the last period. One that comes to rest is slower there.
