@@ -109,7 +109,8 @@ fn the_scores_of_the_page_count_every_case_of_every_set() {
         assert_eq!(Some(counted + score["invisible"].as_u64().expect("a count")), score["cases"].as_u64());
     }
     // The third are drawn cases that nobody had looked at, two hundred at least, with several effects in some.
-    let [_, _, drawn] = scores.as_array().expect("sets").as_slice() else { panic!("three sets") };
+    let [_, _, drawn, independent, ..] = scores.as_array().expect("sets").as_slice() else { panic!("four sets") };
+    assert!(independent["cases"].as_u64() >= Some(90) && independent["set"] == "independent simulator, never seen");
     assert!(drawn["cases"].as_u64() >= Some(200) && drawn["set"] == "drawn, never seen", "{}", drawn["cases"]);
     let groups: u64 = drawn["groups"].as_array().expect("groups").iter().filter_map(|g| g["cases"].as_u64()).sum();
     let outcomes = drawn["outcomes"].as_array().expect("outcomes");
