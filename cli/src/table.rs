@@ -86,7 +86,7 @@ fn with_heads(text: &str) -> String {
         let worse = |text: &str| text.replace(WORSE, &format!("{RED}{WORSE}{RED:#}"));
         match (line.get(HEAD), line.get(HEAD.end..)) {
             (Some(head), Some(after)) if is_head => {
-                out.push_str(&format!("  {bold}{head}{bold:#}{}", worse(after)));
+                out.extend(["  ", &bold.to_string(), head, &format!("{bold:#}"), &worse(after)]);
             }
             _ if line == "\n" || line.starts_with("               ") => out.push_str(&worse(line)),
             _ => break,

@@ -157,6 +157,9 @@ fn mistakes_with_logs_say_what_they_are() {
     assert!(text.contains("RECORDING ROBOT.toml"), "{text}");
 }
 
+/// Beginnings of commands, files that end each, words of the refusal.
+type Tried<'a> = (&'a [&'a [&'a str]], &'a [&'a str], &'a str);
+
 /// Any file in the place of any other is called what it is, with what to give instead.
 #[test]
 fn a_file_in_the_place_of_another_is_named() {
@@ -180,7 +183,7 @@ fn a_file_in_the_place_of_another_is_named() {
         &["blind", "score", "empty"],
         &["blind", "score", "arm.urdf"],
     ];
-    let tried: [(&[&[&str]], &[&str], &str); 4] = [
+    let tried: [Tried<'_>; 4] = [
         (&robot_files, &["empty", "blank", "arm.urdf", "arm.xml", "old.json", "run.csv", "."], "not a robot file"),
         (&urdfs, &["empty", "blank", "arm.xml", "old.json"], "not a URDF"),
         (&recordings, &["arm.toml", "arm.urdf", "arm.xml", "old.json"], "not a recording"),
