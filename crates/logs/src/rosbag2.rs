@@ -48,7 +48,9 @@ fn storage(path: &Path) -> Result<Storage, LogError> {
         return refuse(format!("file \"{file}\" is not inside the folder; every file of a bag is"));
     }
     let files: Vec<PathBuf> = metadata.files.iter().map(|file| path.join(file)).collect();
-    for file in &files {
+    // What is not read is refused for its storage.
+    let is_read = metadata.storage == "mcap" || (metadata.storage == "sqlite3" && cfg!(feature = "sqlite"));
+    for file in files.iter().filter(|_| is_read) {
         rivet_files::ensure_regular(file).map_err(|e| LogFault::Io(e).at(file))?;
     }
     match metadata.storage.as_str() {
