@@ -148,7 +148,7 @@ pub const KEYS: &[Key] = &[
     key("drive", "torque_limit", PerJoint, "N m", Above(0.0, 1e6), Required,
         "Largest torque at the joint; commands are clipped to it."),
     key("drive", "velocity_limit", PerJoint, "rad/s", Above(0.0, 1e4), Absent,
-        "Largest speed of the joint (m/s for a sliding joint). Without it: `<limit velocity>` of the URDF. In a URDF `velocity=\"0\"` means that none is stated, and so does an MJCF file. A joint \
+        "Largest speed of the joint (m/s for a sliding joint). Without it: `<limit velocity>` of the URDF. In a URDF `velocity=\"0\"` means that none is stated. A joint \
          without a limit has no check of speed in `rivet-controller`."),
     key("drive", "encoder_resolution", PerJoint, "rad", Within(0.0, 0.1), Required,
         "Smallest step of the position seen at the joint; 0 is not quantised."),

@@ -52,7 +52,7 @@ fn contract_only_files_load() {
     }
 }
 
-/// A speed limit of 0 is none: it is named, and the robot file may give one.
+/// `velocity="0"` in a URDF sets no limit: the warning names the joint, and the robot file may give one.
 #[test]
 fn a_joint_without_a_speed_limit_is_named() {
     let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("../robots/dd2");

@@ -23,6 +23,9 @@ const LEAST_YIELD: f64 = 3e-5;
 /// Readings within the way that a joint made before in so many seconds are identical: a sound joint does not stop on so short a way while
 /// its plan goes on. Less than [`NOISE_STEPS`] say nothing.
 const ABRUPT_S: f64 = LONGEST_REPEAT_S / 24.0;
+/// That way is compared where samples are further apart than this \[s\], between 1 kHz and 500 Hz: in a shorter period a sound joint may
+/// come to rest on it.
+const SLOW_LOOP_S: f64 = 0.0015;
 /// Deviations from their mean within which readings with noise are still, in standard deviations of the noise.
 const STILL_SIGMAS: f64 = 5.0;
 /// Largest part of that noise that the steps of an encoder make, in steps: 0.29 in fast motion, 0.32 where steps come now and then.
@@ -382,17 +385,16 @@ struct Before {
     period_s: f64,
     /// Step of the encoder \[rad\].
     resolution: f64,
-    /// No joint has a new reading: encoders that are read seldom have steps that are no noise.
+    /// All joints repeat their last readings: the steps of encoders that are read seldom are no noise.
     repeats: bool,
 }
 
 impl Before {
-    /// How far apart readings may be that count as identical \[rad\]: an encoder that is frozen may flicker by a few steps. Only where the
-    /// joint would move by more than that from one sample to the next; else a slow joint would count as frozen.
+    /// How far apart readings may be that count as identical \[rad\], since a frozen encoder may have noise: a part of the joint's way in one
+    /// sample where samples are far apart, else a few steps if it moves by far more. 0 for a slow joint, which would count as frozen.
     fn band(&self) -> f64 {
         let (flicker, abrupt) = (NOISE_STEPS * self.resolution, self.speed.abs() * ABRUPT_S);
-        let is_slow_loop = self.period_s > 2.0 * ABRUPT_S;
-        if is_slow_loop && abrupt > flicker && self.resolution < LEAST_YIELD {
+        if self.period_s > SLOW_LOOP_S && abrupt > flicker && self.resolution < LEAST_YIELD {
             abrupt
         } else if self.speed.abs() * self.period_s > ABRUPT_TIMES * flicker {
             flicker

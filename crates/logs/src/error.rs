@@ -21,7 +21,7 @@ fn instead_of_recording(content: Content) -> &'static str {
             "the order is ROBOT.toml LOG..., of `rivet inspect` and `rivet convert` RECORDING ROBOT.toml"
         }
         Content::Device => "record to a file first",
-        _ => "give a recording: MCAP, rosbag2, LeRobot, Parquet, HDF5, NPZ or a text table",
+        _ => "give a recording; docs/logs.md has the formats",
     }
 }
 

@@ -4,8 +4,8 @@ use crate::policy::POLICY;
 use crate::report::diagnosis::Diagnosis;
 
 impl Diagnosis {
-    /// Lowers the confidence in a missing effect that is doubted already and whose shrink, predicted before the held-out torque was read,
-    /// may be none. Contact and limits of torque promise nothing; values of drives and links have confidences of their own.
+    /// Lowers the confidence in a name that is doubted already and whose shrink, predicted before the held-out torque was read, may be
+    /// none. Contact and limits of torque promise nothing; values of drives and links have confidences of their own.
     pub(crate) fn doubt_what_may_take_nothing(&mut self) {
         for cause in &mut self.causes {
             let about = cause.effect.about();
