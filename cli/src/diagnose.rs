@@ -49,6 +49,9 @@ pub(crate) struct Args {
     /// Add effects of graded strength to the logs and report which are found (at most the first minute).
     #[arg(long)]
     self_check: bool,
+    /// Also print the gap, its place, and tables of causes, parameters and joints.
+    #[arg(long)]
+    details: bool,
     /// Report the candidates that are considered.
     #[arg(long, short)]
     verbose: bool,
@@ -102,7 +105,7 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     if let Some(path) = &args.html {
         rivet_files::write_whole(path, found.html()?).with_context(|| path.display().to_string())?;
     }
-    show_verdict(&found.text()?)?;
+    show_verdict(&found.text(args.details)?)?;
     exported?;
     checked?;
     Ok(ExitCode::from(match found.verdict() {

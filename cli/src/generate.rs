@@ -2,6 +2,7 @@
 
 use anyhow::{Context as _, Result};
 use clap_complete::Shell;
+use rivet_analysis::fault::Fault;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -43,6 +44,9 @@ pub(crate) fn run(args: &Args, command: clap::Command) -> Result<ExitCode> {
 }
 
 fn made(folder: &Path) -> Result<PathBuf> {
+    if let Some(file) = folder.ancestors().find(|above| above.is_file()) {
+        return Err(Fault::Usage(format!("{}: is a file; give a folder", file.display())).into());
+    }
     fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     Ok(folder.to_owned())
 }

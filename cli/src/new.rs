@@ -37,6 +37,8 @@ pub(crate) struct Args {
 /// Writes the file, reads it back and reports what is unknown.
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let to_output = args.output.as_os_str() == "-";
+    let folder = if to_output { Path::new("") } else { args.output.parent().unwrap_or(Path::new("")) };
+    let new = robot_file(&args.urdf, &args.logs, &args.gravity, folder)?;
     if !to_output && args.output.exists() && !args.force {
         return Err(Fault::Usage(format!(
             "{} is there already: give another file with --output, or --force",
@@ -44,8 +46,6 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         ))
         .into());
     }
-    let folder = if to_output { Path::new("") } else { args.output.parent().unwrap_or(Path::new("")) };
-    let new = robot_file(&args.urdf, &args.logs, &args.gravity, folder)?;
     if to_output && args.json {
         return Err(Fault::Usage("--json prints where --output - writes: give a file with --output".to_owned()).into());
     }

@@ -1,6 +1,6 @@
 //! `rivet record`: what robot, rivetd and rivet-controller publish, as an MCAP file.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
@@ -44,7 +44,12 @@ fn more_than_none(text: &str) -> Result<f64, String> {
 }
 
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
-    if args.out.extension().is_none_or(|ext| !ext.eq_ignore_ascii_case("mcap")) {
+    let is_mcap = |path: &Path| path.extension().is_some_and(|ext| ext.eq_ignore_ascii_case("mcap"));
+    if is_mcap(&args.bus.robot) && !is_mcap(&args.out) {
+        let why = format!("{}: the robot file comes first: rivet record ROBOT.toml OUT.mcap", args.bus.robot.display());
+        return Err(Fault::Usage(why).into());
+    }
+    if !is_mcap(&args.out) {
         let why = "a recording is MCAP: give a name that ends with .mcap; rivet convert makes other formats of it";
         return Err(Fault::Usage(format!("{}: {why}", args.out.display())).into());
     }

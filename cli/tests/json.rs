@@ -171,7 +171,17 @@ fn a_file_in_the_place_of_another_is_named() {
     for copy in ["arm.urdf", "robot.urdf"] {
         std::fs::copy(Path::new(&dd2).with_file_name("robot.urdf"), at.join(copy)).expect("copied");
     }
-    for (name, text) in [("empty", ""), ("arm.xml", "<mujoco/>"), ("old.json", "{}"), ("blank", " \n")] {
+    let texts: [(&str, &[u8]); 8] = [
+        ("empty", b""),
+        ("arm.xml", b"<mujoco/>"),
+        ("old.json", b"{}"),
+        ("blank", b" \n"),
+        ("arm.xacro", b"<robot><xacro:include/></robot>"),
+        ("other.toml", b"[package]\nname = 'x'\n"),
+        ("noise", b"\x81\x02\0\x07"),
+        ("answers.json", b"{\"case-1\": {\"effects\": []}}"),
+    ];
+    for (name, text) in texts {
         std::fs::write(at.join(name), text).expect("written");
     }
     let robot_files: [&[&str]; 3] = [&["check"], &["monitor"], &["doctor"]];
@@ -183,10 +193,15 @@ fn a_file_in_the_place_of_another_is_named() {
         &["blind", "score", "empty"],
         &["blind", "score", "arm.urdf"],
     ];
-    let tried: [Tried<'_>; 4] = [
-        (&robot_files, &["empty", "blank", "arm.urdf", "arm.xml", "old.json", "run.csv", "."], "not a robot file"),
-        (&urdfs, &["empty", "blank", "arm.xml", "old.json"], "not a URDF"),
-        (&recordings, &["arm.toml", "arm.urdf", "arm.xml", "old.json"], "not a recording"),
+    let tried: [Tried<'_>; 5] = [
+        (
+            &robot_files,
+            &["empty", "blank", "arm.urdf", "arm.xml", "arm.xacro", "old.json", "noise", "run.csv", "."],
+            "not a robot file",
+        ),
+        (&robot_files, &["other.toml"], "without a key of a robot file"),
+        (&urdfs, &["empty", "blank", "arm.xml", "arm.xacro", "old.json", "noise"], "not a URDF"),
+        (&recordings, &["arm.toml", "arm.urdf", "arm.xml", "arm.xacro", "old.json", "noise"], "not a recording"),
         (&documents, &["old.json"], "not a"),
     ];
     for (commands, files, words) in tried {
@@ -199,6 +214,31 @@ fn a_file_in_the_place_of_another_is_named() {
             assert!(!is_empty || text.contains("is an empty file"), "{command:?} {file}: {text}");
         }
     }
-    let output = rivet(at, &["control", "save", "arm.toml"]);
-    assert!(String::from_utf8_lossy(&output.stderr).contains("the robot file comes first"), "{output:?}");
+    let exchanged: [(&[&str], &str); 6] = [
+        (&["control", "save", "arm.toml"], "the robot file comes first"),
+        (&["record", "out.mcap", "arm.toml"], "the robot file comes first"),
+        (&["convert", "arm.toml", "run.csv"], "the order is RECORDING OUT"),
+        (&["convert", "out.csv", "run.csv"], "the order is RECORDING OUT"),
+        (&["blind", "score", "answers.json", "old.json"], "the order is VERDICTS.json ANSWERS.json"),
+        (&["generate", "arm.toml"], "is a file; give a folder"),
+    ];
+    for (command, words) in exchanged {
+        let output = rivet(at, command);
+        let text = String::from_utf8_lossy(&output.stderr);
+        assert!(!output.status.success() && text.contains(words), "{command:?}: {text}");
+    }
+}
+
+#[test]
+fn nanoseconds_are_converted_when_they_are_stated() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = folder.path();
+    log(at, "run.csv", 1e9);
+    std::fs::copy(Path::new(&robot("dd2")).with_file_name("robot.urdf"), at.join("robot.urdf")).expect("copied");
+    let output = rivet(at, &["convert", "run.csv", "out.csv"]);
+    let text = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success() && text.contains("looks like nanoseconds"), "{text}");
+    assert!(!at.join("out.csv").exists());
+    let output = rivet(at, &["convert", "run.csv", "out.csv", "robot.urdf", "--map", "time_unit=ns"]);
+    assert!(output.status.success(), "{output:?}");
 }

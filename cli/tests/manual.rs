@@ -175,9 +175,12 @@ fn difference<'a>(page: &'a str, output: &str) -> Option<&'a str> {
 
 /// What tutorial 1 shows is what its commands print, one after the other in one folder.
 #[test]
-#[ignore = "needs ../shared"]
 fn tutorial_of_logs_shows_what_its_commands_print() {
     let data = root().join("../shared/data/real/ur10e_innopolis");
+    if !data.is_dir() {
+        eprintln!("SKIPPED: {} is not on this machine", data.display());
+        return;
+    }
     let folder = tempfile::tempdir().expect("a folder");
     let place =
         |name: &str, file: &str| fs::copy(data.join(file), folder.path().join(name)).expect("a file of the set");

@@ -85,6 +85,9 @@ pub fn load(path: impl AsRef<Path>) -> Result<Robot, ConfigErrors> {
     text_of(path).and_then(|text| parse(path, &text)).map_err(|why| instead_of_robot_file(path).unwrap_or(why))
 }
 
+/// What to do with a xacro file.
+const XACRO_MEND: &str = "`xacro FILE > robot.urdf` makes a URDF of it";
+
 /// That a file of another kind stands where a robot file has to; none where it may be one.
 fn instead_of_robot_file(path: &Path) -> Option<ConfigErrors> {
     let content = Content::of(path).ok()?;
@@ -93,6 +96,7 @@ fn instead_of_robot_file(path: &Path) -> Option<ConfigErrors> {
         Content::Toml | Content::Unknown => return None,
         Content::Empty => "`rivet new URDF LOG -o ROBOT.toml` writes one".to_owned(),
         Content::Urdf => format!("`rivet new {shown} LOG -o ROBOT.toml` writes one for this arm"),
+        Content::Xacro => XACRO_MEND.to_owned(),
         Content::Table | Content::Recording(_) => "the robot file comes before recordings".to_owned(),
         _ => "give the path of a robot.toml".to_owned(),
     };
@@ -146,6 +150,11 @@ pub fn parse(path: &Path, text: &str) -> Result<Robot, ConfigErrors> {
     let (root, syntax) = DeTable::parse_recoverable(text);
     let syntax = syntax.iter().take(MOST_KEPT).map(|e| syntax_error(&source, e)).collect();
     let mut reader = Reader::new(source, &root, syntax);
+    if reader.is_foreign() {
+        let hint = "`rivet new URDF LOG -o ROBOT.toml` writes one";
+        let why = "is a TOML file without a key of a robot file";
+        return Err(ConfigErrors::new(vec![ConfigError::of_file(path, why, hint)]));
+    }
 
     let name = read::name(&mut reader);
     let written_urdf = reader.text("", "urdf");
@@ -339,6 +348,7 @@ impl NoUrdf {
         Some(match self {
             NoUrdf::Io(_) => return None,
             NoUrdf::Other(Content::Toml) => "give the URDF; a robot file names it in `urdf`",
+            NoUrdf::Other(Content::Xacro) => XACRO_MEND,
             NoUrdf::Other(Content::Mjcf | Content::Sdf) => "export the arm as URDF: only that is read",
             NoUrdf::Other(_) => "give the URDF of the arm",
         })

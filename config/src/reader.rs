@@ -288,6 +288,11 @@ impl<'a> Reader<'a> {
         self.of_urdf.insert((section, name), defaults);
     }
 
+    /// Whether the file has keys, and none of them is one of a robot file: it is of another program.
+    pub(crate) fn is_foreign(&self) -> bool {
+        self.values.is_empty() && self.sections.is_empty() && !self.errors.is_empty()
+    }
+
     /// Everything read, or every mistake.
     pub(crate) fn finish(self) -> (Vec<Resolved>, Vec<ConfigError>) {
         (self.resolved, self.errors)

@@ -2,7 +2,9 @@
 //!
 //! Every rule is a ratio that the unit drops out of: a length against the arm's reach, an inertia or a friction against the torque limit.
 
-use rivet_dynamics::{Arm, Joint, JointKind, UrdfNote, Workspace, com_from_body, inverse_dynamics};
+use rivet_dynamics::{
+    Arm, EffectKind, Joint, JointKind, KnownEffect, UrdfNote, Workspace, com_from_body, inverse_dynamics,
+};
 use rivet_estimation::Differentiator;
 
 use crate::load::Robot;
@@ -179,6 +181,12 @@ impl Robot {
 
     fn effort_warning(&self, j: usize) -> Option<String> {
         let (limit, effort) = (self.config.drive.torque_limit[j], self.description.effort[j]);
+        // An export writes the limit that the joint was found to have into its URDF.
+        let saturates =
+            |e: &KnownEffect| e.kind == EffectKind::TorqueSaturation && e.joint == j && e.values[0] <= effort;
+        if self.model.effects().list().iter().any(saturates) {
+            return None;
+        }
         let ratio = limit / effort;
         (effort.is_finite() && !(1.0 / MAX_EFFORT_RATIO..=MAX_EFFORT_RATIO).contains(&ratio)).then(|| {
             format!(

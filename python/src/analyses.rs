@@ -241,7 +241,7 @@ impl Diagnosis {
     }
 
     fn text(&self, py: Python<'_>) -> PyResult<String> {
-        self.found.text().map_err(raised(py))
+        self.found.text(true).map_err(raised(py))
     }
 
     /// The page of the diagnosis, without external parts.

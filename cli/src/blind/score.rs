@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::{Context as _, Result, bail};
+use rivet_analysis::fault::Fault;
 use rivet_report::{Answer, Found, Score, Tally};
 use serde::de::DeserializeOwned;
 
@@ -38,6 +39,11 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         .file("--markdown", args.markdown.as_ref())
         .check()?;
     let verdicts: BTreeMap<String, serde_json::Value> = read(&args.verdicts)?;
+    let is_answer = |case: &serde_json::Value| case.get("verdict").is_none() && case.get("effects").is_some();
+    if !verdicts.is_empty() && verdicts.values().all(is_answer) {
+        let why = "are answers, where the verdicts are expected; the order is VERDICTS.json ANSWERS.json";
+        return Err(Fault::Usage(format!("{}: {why}", args.verdicts.display())).into());
+    }
     // A diagnosis that failed names nothing, which must not pass for a right answer.
     let failed: Vec<&String> =
         verdicts.iter().filter(|(_, v)| v.get("error").is_some()).map(|(name, _)| name).collect();

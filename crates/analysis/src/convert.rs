@@ -3,11 +3,12 @@
 use std::path::Path;
 
 use anyhow::Result;
-use rivet_logs::{check_ending, list, read_as, write_log};
+use rivet_files::Content;
+use rivet_logs::{LogFault, check_ending, list, read_as, time_unit_fault, write_log};
 
 use crate::fault::Fault;
 use crate::inspect::{Arm, NO_POSITIONS};
-use crate::session;
+use crate::{runs, session};
 
 /// A recording that was converted.
 #[derive(Clone, Debug)]
@@ -46,7 +47,18 @@ pub fn convert(
     replaces: bool,
 ) -> Result<Conversion> {
     // Before a long recording is read.
-    check_ending(out)?;
+    let order = "the order is RECORDING OUT [URDF|ROBOT.toml]";
+    let is_arm = |path: &Path| matches!(Content::of(path), Ok(Content::Urdf | Content::Xacro | Content::Toml));
+    if is_arm(recording) && runs::wrong_order(recording, "").is_none() {
+        let why = "describes the arm, where the recording is expected";
+        return Err(Fault::Usage(format!("{}: {why}; {order}", recording.display())).into());
+    }
+    check_ending(out).map_err(|why| {
+        if is_arm(out) { Fault::Usage(format!("{why}; {order}")).into() } else { anyhow::Error::from(why) }
+    })?;
+    if !recording.exists() {
+        return Err(Fault::Usage(format!("{}: is not there; {order}", recording.display())).into());
+    }
     if let (Ok(there), Ok(source)) = (out.canonicalize(), recording.canonicalize())
         && there == source
     {
@@ -70,6 +82,13 @@ pub fn convert(
         return Err(refused(Fault::Data(format!("{}: {NO_POSITIONS}", recording.display())).into()));
     }
     let log = read_as(recording, &arm.options(), &arm.naming()).map_err(|why| refused(why.into()))?;
+    // A log of one row in seconds is rare and no mistake; of a million it is.
+    let mut notes = log.notes.clone();
+    match time_unit_fault(&log.t) {
+        Some(fault @ LogFault::TimeUnit { unit: "ms", .. }) => notes.push(fault.to_string()),
+        Some(fault) => return Err(refused(Fault::Data(format!("{}: {fault}", recording.display())).into())),
+        None => {}
+    }
     let joints = arm.joint_names();
     let left_out = write_log(out, &log, &joints)?;
     Ok(Conversion {
@@ -77,7 +96,7 @@ pub fn convert(
         rows: log.len(),
         joints,
         columns: log.columns().into_iter().map(|(name, _)| name.into_owned()).collect(),
-        notes: log.notes,
+        notes,
         unused: log.unused,
         left_out,
     })

@@ -205,14 +205,21 @@ impl Diagnosed {
         Ok(page(&self.document, &scores()?))
     }
 
-    /// The verdict on one screen.
+    /// The verdict on one screen: what to do, what it brings, what is open, what is wrong with the logs. `details` adds the gap, its place
+    /// and the tables.
     ///
     /// # Errors
     /// As [`scores`].
-    pub fn text(&self) -> Result<String> {
-        let mut text = as_text(&self.document, &scores()?);
+    pub fn text(&self, details: bool) -> Result<String> {
+        let mut text = as_text(&self.document, &scores()?, details);
         for finding in self.document.log.iter().filter(|finding| finding.fault == BODIES_UNKNOWN) {
             text += &paragraph("  Bodies       ", &finding.text);
+        }
+        if !details && self.document.remark.is_none() {
+            text += &paragraph(
+                "  More         ",
+                "--details: the gap, its place, tables of causes, parameters and joints. --html FILE: all as a page.",
+            );
         }
         Ok(text)
     }
@@ -299,10 +306,10 @@ fn on_their_clocks(logs: Vec<(Vec<Run>, Vec<f64>)>, live: bool) -> Vec<Run> {
     all
 }
 
-/// The verdict on one screen.
-fn as_text(found: &Document, scores: &[Score]) -> String {
+/// The verdict, with details below.
+fn as_text(found: &Document, scores: &[Score], details: bool) -> String {
     let mut out = paragraph("", &format!("diagnose {}: {}", found.robot, rivet_report::words::verdict(&found.verdict)));
-    for line in found.lines(scores) {
+    for line in found.lines(scores).iter().filter(|line| details || !line.detail) {
         out += &paragraph(&format!("  {:<12} ", line.head), &line.text);
     }
     for input in found.passport.iter().flat_map(|passport| &passport.inputs) {
@@ -324,11 +331,28 @@ fn as_text(found: &Document, scores: &[Score]) -> String {
     for reading in found.log.iter().filter(|finding| finding.fault == reading::READING_NAME) {
         out += &paragraph("  reading      ", &format!("of {}: {}", reading.run, reading.text));
     }
-    if let Some(rollout) = &found.rollout {
+    if let Some(rollout) = found.rollout.as_ref().filter(|rollout| details || rollout.points.is_empty()) {
         out += &paragraph("  simulator    ", &rollout.text());
     }
+    if found.verdict == "unexplained" && !found.hints.is_empty() {
+        let mut hints: Vec<String> = found.hints.iter().map(Cause::word).collect();
+        hints.dedup();
+        out += &paragraph("  Considered   ", &format!("not supported: {}", hints.join(", ")));
+    }
+    if details {
+        out += &tables(found);
+    }
+    if let Some(check) = &found.self_check {
+        out += &power(found, check);
+    }
+    out
+}
+
+/// The tables of causes, parameters and joints.
+fn tables(found: &Document) -> String {
+    let mut out = String::new();
     if !found.causes.is_empty() {
-        let mut table = Table::new(["cause", "joints", "shrink %", "90 %", "measured", "share %", "sure"]);
+        let mut table = Table::new(["cause", "joints", "shrink %", "90 %", "measured", "share %", "confidence"]);
         for c in &found.causes {
             table.row([
                 effect(&c.effect),
@@ -348,11 +372,6 @@ fn as_text(found: &Document, scores: &[Score]) -> String {
         out += &table.text();
         out += &values(found);
     }
-    if found.verdict == "unexplained" && !found.hints.is_empty() {
-        let mut hints: Vec<String> = found.hints.iter().map(Cause::word).collect();
-        hints.dedup();
-        out += &paragraph("  ", &format!("considered, not supported: {}", hints.join(", ")));
-    }
     if found.gap.per_joint.is_empty() {
         return out;
     }
@@ -366,11 +385,7 @@ fn as_text(found: &Document, scores: &[Score]) -> String {
         let [before, after] = [0, 1].map(|at| times(j, at));
         table.row([j.joint.clone(), percent(j.before), percent(j.after), percent(j.noise_floor), before, after]);
     }
-    out += &table.text();
-    if let Some(check) = &found.self_check {
-        out += &power(found, check);
-    }
-    out
+    out + &table.text()
 }
 
 /// The table of values, where the lines above have not all.

@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::{Context, Result};
 use rivet_config::{Changes, Robot, write_changed, write_identified};
 use rivet_diagnosis::{Fidelity, Format, FormatReport, Patch, SeparatingMotion, mjcf_coupling_fits};
-use rivet_dynamics::{EffectKind, Mjcf, MjcfDrive, MjcfTendon, write_urdf};
+use rivet_dynamics::{EffectKind, Mjcf, MjcfDrive, MjcfTendon, write_efforts, write_urdf};
 
 use crate::export::{bodies, description, place_load};
 use crate::mujoco_forces;
@@ -16,6 +16,10 @@ use crate::table::{number, paragraph};
 
 /// Drive values that differ by a smaller share are the same.
 const SAME: f64 = 0.02;
+
+/// Start of a mesh in a URDF.
+const MESH: &str = "<mesh";
+const NO_MESHES: &str = "robot.xml has bodies and joints without the meshes of the URDF: it moves as the arm does, and cannot be seen or touched";
 
 /// Writes the four files into `folder`. Gives the robot as model.toml says it.
 pub(crate) fn export(robot: &Robot, patch: &Patch, folder: &Path) -> Result<Robot> {
@@ -37,6 +41,10 @@ pub(crate) fn export(robot: &Robot, patch: &Patch, folder: &Path) -> Result<Robo
         let made = write_urdf(&text, &robot.config.urdf_options, &links, &written.viscous, &written.coulomb);
         made.with_context(|| named(&robot.config.urdf))?.text
     };
+    let saturated = patch.model.effects().list().iter().filter(|e| e.kind == EffectKind::TorqueSaturation);
+    let efforts: Vec<(&str, f64)> =
+        saturated.map(|e| (robot.model.arm.joints[e.joint].name.as_str(), e.values[0])).collect();
+    let urdf_text = write_efforts(&urdf_text, &efforts).with_context(|| named(&robot.config.urdf))?;
     rivet_files::write_whole(&urdf, &urdf_text).with_context(|| named(&urdf))?;
     let changes =
         Changes { drives: written, gravity: patch.model.arm.gravity, effects: patch.model.effects().list().to_vec() };
@@ -74,6 +82,9 @@ pub(crate) fn export(robot: &Robot, patch: &Patch, folder: &Path) -> Result<Robo
     }
     rivet_files::write_whole(&notes, rivet_files::Printable(not_expressible(robot, patch)).to_string())
         .with_context(|| named(&notes))?;
+    if urdf_text.contains(MESH) {
+        session::note(paragraph("rivet: ", NO_MESHES).trim_end());
+    }
     for line in staying(robot, patch) {
         session::note(paragraph("rivet: ", &format!("{line} (see {})", notes.display())).trim_end());
     }

@@ -214,13 +214,16 @@ impl Procedure<'_> {
         let mut sized = or_said(sized, sizes, left_out);
         let mut reported = sized.as_ref().and_then(|s| self.apply_named_model(report, hidden, s, means, &search.noise));
         // With what was withdrawn an effect may have helped that hardly does by itself.
-        let standing: Vec<usize> = (0..steps.len()).filter(|k| upheld[*k]).collect();
+        let mut standing: Vec<usize> = (0..steps.len()).filter(|k| upheld[*k]).collect();
         if standing.len() == report.causes.len() {
-            let out = report.withdraw_what_hardly_helps();
-            for at in &out {
-                upheld[standing[*at]] = false;
+            let mut withdrawn = false;
+            for out in [report.withdraw_what_hardly_helps(), report.withdraw_what_may_be_nothing()] {
+                for at in out.iter().rev() {
+                    upheld[standing.remove(*at)] = false;
+                    withdrawn = true;
+                }
             }
-            if !out.is_empty() {
+            if withdrawn {
                 sized = or_said(self.size(report, search, wrong, fit, upheld), sizes, left_out);
                 let again =
                     sized.as_ref().and_then(|s| self.apply_named_model(report, hidden, s, means, &search.noise));

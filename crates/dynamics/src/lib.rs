@@ -36,6 +36,6 @@ pub use rigid::{State, Workspace, inverse_dynamics, mass_matrix, regressor};
 pub use slip::{Slip, WristCoupling};
 pub use urdf::{
     Proposal, UrdfArm, UrdfError, UrdfKey, UrdfMistake, UrdfMistakes, UrdfNote, UrdfOptions, WrittenUrdf, guess_bodies,
-    toml_key, write_urdf,
+    toml_key, write_efforts, write_urdf,
 };
 pub use xml_limits::XmlExcess;

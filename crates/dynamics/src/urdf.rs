@@ -20,7 +20,7 @@ use bodies::{body_of, check_moving_body, finite, pose};
 pub use error::{UrdfError, UrdfKey, UrdfMistake, UrdfMistakes};
 pub use options::{Proposal, UrdfOptions, toml_key};
 use tree::{Chain, Tree};
-pub use write::{WrittenUrdf, write_urdf};
+pub use write::{WrittenUrdf, write_efforts, write_urdf};
 
 /// What a user should know of a URDF that is an arm.
 #[derive(Clone, Debug, PartialEq)]

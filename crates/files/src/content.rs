@@ -16,6 +16,8 @@ pub enum Content {
     Device,
     /// XML with `<robot>`.
     Urdf,
+    /// XML with `<robot>` and elements of xacro.
+    Xacro,
     /// XML with `<mujoco>`.
     Mjcf,
     /// XML with `<sdf>`.
@@ -30,7 +32,9 @@ pub enum Content {
     Table,
     /// A recording of robots in a format with a magic.
     Recording(&'static str),
-    /// None of these.
+    /// Bytes that are no text, of none of these.
+    Binary,
+    /// Text of none of these.
     Unknown,
 }
 
@@ -46,6 +50,12 @@ const MAGIC: [(&[u8], &str); 6] = [
     (b"SQLite format 3\0", "SQLite"),
     (b"PK\x03\x04", "NPZ"),
 ];
+
+/// Byte order marks of UTF-16, whose text holds zeros.
+const UTF_16_MARKS: [&[u8]; 2] = [b"\xff\xfe", b"\xfe\xff"];
+
+/// What an element of xacro begins with. The files that xacro makes keep its namespace and have no such element.
+const XACRO_ELEMENT: &str = "<xacro:";
 
 impl Content {
     /// What is at a path. Links are followed; no more than the first 64 KiB are read, of a pipe or a device nothing.
@@ -71,6 +81,10 @@ impl Content {
             return Content::Recording(format);
         }
         let head = &head[..head.len().min(HEAD_BYTES as usize)];
+        let is_utf_16 = UTF_16_MARKS.iter().any(|mark| head.starts_with(mark));
+        if head.contains(&0) && !is_utf_16 {
+            return Content::Binary;
+        }
         // A character that is cut at the end of the head is no sign of other content.
         let text = match std::str::from_utf8(head) {
             Ok(text) => text,
@@ -78,9 +92,6 @@ impl Content {
             Err(_) => return Content::Unknown,
         };
         let text = text.trim_start_matches('\u{feff}').trim_start();
-        if text.contains('\0') {
-            return Content::Unknown;
-        }
         match text.chars().next() {
             None => Content::Empty,
             Some('<') => of_xml(text),
@@ -108,6 +119,7 @@ fn of_xml(mut text: &str) -> Content {
     }
     let name = text.strip_prefix('<').unwrap_or_default();
     match name.split(|c: char| c.is_whitespace() || matches!(c, '>' | '/')).next() {
+        Some("robot") if text.contains(XACRO_ELEMENT) => Content::Xacro,
         Some("robot") => Content::Urdf,
         Some("mujoco") => Content::Mjcf,
         Some("sdf") => Content::Sdf,
@@ -139,6 +151,7 @@ impl fmt::Display for Content {
             Content::Folder => "a folder",
             Content::Device => "a pipe or a device",
             Content::Urdf => "a URDF",
+            Content::Xacro => "a xacro file",
             Content::Mjcf => "an MJCF",
             Content::Sdf => "an SDF",
             Content::Xml => "an XML file",
@@ -146,6 +159,7 @@ impl fmt::Display for Content {
             Content::Toml => "a TOML file",
             Content::Table => "a table of text",
             Content::Recording(format) => return write!(f, "a recording ({format})"),
+            Content::Binary => "binary data of no known format",
             Content::Unknown => "another file",
         };
         f.write_str(name)
@@ -158,7 +172,7 @@ mod tests {
 
     #[test]
     fn what_bytes_hold() {
-        let cases: [(&[u8], Content); 26] = [
+        let cases: [(&[u8], Content); 29] = [
             (b"", Content::Empty),
             (b" \r\n\t", Content::Empty),
             (b"\xef\xbb\xbf\n", Content::Empty),
@@ -182,7 +196,10 @@ mod tests {
             (b"a sentence of words", Content::Unknown),
             (b"PAR1....", Content::Recording("Parquet")),
             (b"\x89MCAP0\r\n", Content::Recording("MCAP")),
-            (b"\x7fELF\0\0", Content::Unknown),
+            (b"<robot xmlns:xacro='x'><link/>", Content::Urdf),
+            (b"<robot xmlns:xacro='x'><xacro:include/>", Content::Xacro),
+            (b"\x7fELF\0\0", Content::Binary),
+            (b"\x81\x02\0", Content::Binary),
             (b"\xff\xfe<\0r\0", Content::Unknown),
             (b"name = \"\xc3", Content::Toml),
         ];

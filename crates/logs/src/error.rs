@@ -17,7 +17,7 @@ pub struct LogError {
 /// What to give in place of a file that is no recording.
 fn instead_of_recording(content: Content) -> &'static str {
     match content {
-        Content::Toml | Content::Urdf | Content::Mjcf | Content::Sdf => {
+        Content::Toml | Content::Urdf | Content::Xacro | Content::Mjcf | Content::Sdf => {
             "the order is ROBOT.toml LOG..., of `rivet inspect` and `rivet convert` RECORDING ROBOT.toml"
         }
         Content::Device => "record to a file first",

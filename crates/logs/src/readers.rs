@@ -120,6 +120,9 @@ pub(crate) fn find(path: &Path) -> Result<&'static Reader, LogError> {
             );
             Err(LogFault::Format { format: "a log", why }.at(path))
         }
+        None if Content::of(path).is_ok_and(|content| content == Content::Binary) => {
+            Err(LogFault::OtherFile { content: Content::Binary }.at(path))
+        }
         None => {
             let names: Vec<&str> = READERS.iter().map(|reader| reader.name).collect();
             let why = format!("it is neither Parquet nor text, nor another of {}", names.join(", "));
@@ -152,7 +155,8 @@ fn other_file(reader: &Reader, path: &Path, columns: &[Column]) -> Option<LogErr
     }
     let content = Content::of(path).ok()?;
     let is_other = match content {
-        Content::Urdf | Content::Mjcf | Content::Sdf | Content::Xml | Content::Json => true,
+        Content::Urdf | Content::Xacro | Content::Mjcf | Content::Sdf | Content::Xml | Content::Json => true,
+        Content::Binary => true,
         Content::Toml => !is_table_of_numbers(columns),
         _ => false,
     };

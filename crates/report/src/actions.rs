@@ -4,8 +4,11 @@ use crate::document::{Cause, Document, JointGap, Parameter, is_contact};
 use crate::scores::{Bin, Score};
 use crate::words::{effect, figure, joints_in_short, parameter_label, printed_unit, quantity_of, rival};
 
-/// Values of the model in one line; the table of parameters has all.
+/// Values of the model in one line. Of more, the line has the largest change, and the table of parameters has all.
 const VALUES: usize = 3;
+/// Confidence from which a cause stands among the first, and from which its line says what to do: below, what to check.
+const SURE: f64 = 0.8;
+const LIKELY: f64 = 0.5;
 /// Sizes that are factors, and the words for what they multiply.
 const FACTORS: [(&str, [&str; 2]); 3] = [
     ("mass_gain", ["mass and inertia", "the file's"]),
@@ -30,12 +33,19 @@ impl Document {
         self.actions_of(&self.causes.iter().collect::<Vec<_>>(), scores)
     }
 
-    /// The same, missing effects before wrong values, and of these what takes the largest share of the gap first.
-    pub(crate) fn actions_by_share(&self, scores: &[Score]) -> Vec<String> {
+    /// The same in the order of a reader: what is sure, what is likely, what to check; of each, missing effects before wrong values, and
+    /// of these what takes the largest share of the gap first.
+    pub(crate) fn actions_by_weight(&self, scores: &[Score]) -> Vec<String> {
+        self.actions_of(&self.causes_by_weight(), scores)
+    }
+
+    /// The causes in the order of [`Document::actions_by_weight`].
+    pub(crate) fn causes_by_weight(&self) -> Vec<&Cause> {
         let mut causes: Vec<&Cause> = self.causes.iter().collect();
         let share = |cause: &Cause| cause.share.unwrap_or(0.0);
-        causes.sort_by(|a, b| a.is_value().cmp(&b.is_value()).then(share(b).total_cmp(&share(a))));
-        self.actions_of(&causes, scores)
+        let rank = |cause: &Cause| (!is_at_least(cause, SURE), !is_at_least(cause, LIKELY), cause.is_value());
+        causes.sort_by(|a, b| rank(a).cmp(&rank(b)).then(share(b).total_cmp(&share(a))));
+        causes
     }
 
     /// How often names of a range were right is stated once a range.
@@ -59,21 +69,29 @@ impl Document {
         } else {
             format!(" These logs do not separate it from {}.", rivals.join(" or "))
         };
+        // Else the limit seems refuted by the measured torque.
+        let command = if cause.effect == "torque_saturation" {
+            " Beyond it the log holds the command: the joint gets no more."
+        } else {
+            ""
+        };
         let sure = cause.confidence.map_or_else(String::new, |sure| format!(" Confidence {sure:.2}{rate}."));
-        format!("{}{sizes}.{sure}{or}", self.deed(cause))
+        format!("{}{sizes}.{command}{sure}{or}", self.deed(cause))
     }
 
-    /// Verb, effect and joints.
+    /// Verb, effect and joints: what to do about a likely cause, what to check of another.
     fn deed(&self, cause: &Cause) -> String {
         let (what, on) = (effect(&cause.effect), joints_in_short(&cause.joints, self.gap.per_joint.len()));
         let of = if cause.joints.is_empty() { String::new() } else { format!(" of {on}") };
+        let likely = is_at_least(cause, LIKELY);
         match cause.effect.as_str() {
-            _ if is_contact(cause) => format!("Keep away what touched {on}"),
-            "payload" => "Add a payload at the flange".to_owned(),
-            "encoder_offset" => format!("Correct joint_zero{of}"),
-            _ if cause.is_value() => {
-                format!("Set {what}{of}")
-            }
+            _ if is_contact(cause) && likely => format!("Keep away what touched {on}"),
+            _ if is_contact(cause) => format!("Check whether something touched {on}"),
+            "payload" if likely => "Add a payload at the flange".to_owned(),
+            "payload" => "Check whether the flange carries a payload".to_owned(),
+            "encoder_offset" => format!("{} joint_zero{of}", if likely { "Correct" } else { "Check" }),
+            _ if cause.is_value() => format!("{} {what}{of}", if likely { "Set" } else { "Check" }),
+            _ if !likely => format!("Check whether {what} acts on {on}"),
             _ if cause.joints.is_empty() => format!("Add {what}"),
             _ => format!("Add {what} to {on}"),
         }
@@ -103,7 +121,8 @@ impl Document {
             };
             return first.into_iter().chain(others).map(one).collect();
         }
-        let more = values.len().saturating_sub(VALUES);
+        let listed = if values.len() > VALUES { 1 } else { values.len() };
+        let more = values.len() - listed;
         let one = |(parameter, value): &(&Parameter, f64)| {
             let given = parameter.given.map_or_else(String::new, |given| format!("{} \u{2192} ", figure(given, 3)));
             let unit = printed_unit(&parameter.unit);
@@ -112,7 +131,7 @@ impl Document {
             let label = label.unwrap_or_default();
             format!("{label} {given}{} {unit}", sized(&parameter.name, *value)).trim().to_owned()
         };
-        let listed = values.iter().take(VALUES).map(one);
+        let listed = values.iter().take(listed).map(one);
         listed.chain((more > 0).then(|| format!("{more} more in the table of parameters"))).collect()
     }
 
@@ -159,13 +178,16 @@ impl Document {
         self.causes.iter().filter(long).flat_map(of).collect()
     }
 
-    /// What the causes bring: residual in motion over the noise, of the joint that was furthest off, and the simulator's error; none
-    /// where nothing is known of the motion.
+    /// What the causes bring: residual in motion over the noise, of the joint that was furthest off among those of the first line, and the
+    /// simulator's error; none where nothing is known of the motion.
     #[must_use]
     pub fn result_line(&self) -> Option<String> {
         let both = |j: &JointGap| Some((j.joint.clone(), (*j.in_motion.first()?)?, (*j.in_motion.get(1)?)?));
         let joints: Vec<(String, f64, f64)> = self.gap.per_joint.iter().filter_map(both).collect();
-        let (joint, before, after) = joints.iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let first = self.causes_by_weight().first().map_or(&[][..], |cause| cause.joints.as_slice());
+        let of_first = joints.iter().filter(|(name, ..)| first.contains(name));
+        let (joint, before, after) =
+            of_first.max_by(|a, b| a.1.total_cmp(&b.1)).or_else(|| joints.iter().max_by(|a, b| a.1.total_cmp(&b.1)))?;
         let kept =
             joints.iter().max_by(|a, b| a.2.total_cmp(&b.2)).filter(|(name, _, most)| name != joint && *most > KEEPS);
         let kept = kept.map_or_else(String::new, |(name, _, most)| format!("; {name} still {}", figure(*most, 2)));
@@ -195,6 +217,11 @@ impl Document {
         let most = |at: usize| self.gap.per_joint.iter().filter_map(|j| *j.in_motion.get(at)?).reduce(f64::max);
         most(0).zip(most(1))
     }
+}
+
+/// Whether a cause has this confidence, or none is known.
+fn is_at_least(cause: &Cause, confidence: f64) -> bool {
+    cause.confidence.is_none_or(|sure| sure >= confidence)
 }
 
 /// That the causes made a figure larger, where its three digits show it.
@@ -262,7 +289,7 @@ mod tests {
         let said = |count, right| actions(std::slice::from_ref(&friction), &[], &scores(count, right)).concat();
         let known = said(30, 29);
         assert!(
-            known.starts_with("Add stribeck friction to elbow: strength 1.47 [1.40, 1.55] N m, velocity 0.0810 rad/s."),
+            known.starts_with("Add Stribeck friction to elbow: strength 1.47 [1.40, 1.55] N m, velocity 0.0810 rad/s."),
             "{known}"
         );
         assert!(
@@ -319,7 +346,7 @@ mod tests {
         let rows = found(4).value_rows();
         assert_eq!(rows.len(), 4);
         assert_eq!(rows[0], ["arm_lift coulomb", "1.00", "5.00", "4.50..5.50", "N m"], "the largest change first");
-        assert!(found(4).actions(&[]).concat().contains("1 more in the table of parameters"));
+        assert!(found(4).actions(&[]).concat().contains(" N m, 3 more in the table of parameters"));
     }
 
     #[test]
@@ -333,10 +360,49 @@ mod tests {
         let found = document(&[("causes", causes)]);
         let begins = |lines: Vec<String>| lines.iter().map(|line| line[..3].to_owned()).collect::<Vec<_>>();
         assert_eq!(begins(found.actions(&[])), ["Set", "Add"], "in the order of causes");
-        assert_eq!(begins(found.actions_by_share(&[])), ["Add", "Set"]);
+        assert_eq!(begins(found.actions_by_weight(&[])), ["Add", "Set"]);
         let causes = json!([with_share("rotor_inertia", 0.9), with_share("joint_spring", 0.1)]);
         let found = document(&[("causes", causes)]);
-        assert_eq!(begins(found.actions_by_share(&[])), ["Add", "Set"], "a missing effect before wrong values");
+        assert_eq!(begins(found.actions_by_weight(&[])), ["Add", "Set"], "a missing effect before wrong values");
+    }
+
+    #[test]
+    fn what_is_not_likely_comes_last_and_is_to_be_checked() {
+        let with_confidence = |effect: &str, confidence: f64| {
+            let mut one = of(effect, &["wrist"], &json!({}));
+            one["confidence"] = json!(confidence);
+            one
+        };
+        let all = [
+            ("joint_elasticity", 0.47),
+            ("backlash", 0.58),
+            ("rotor_inertia", 0.92),
+            ("payload", 0.3),
+            ("link_inertia", 0.4),
+        ];
+        let causes: Vec<Value> = all.iter().map(|(effect, sure)| with_confidence(effect, *sure)).collect();
+        let lines = document(&[("causes", json!(causes))]).actions_by_weight(&[]);
+        let starts = [
+            "Set rotor inertia of wrist",
+            "Add backlash to wrist",
+            "Check whether joint elasticity acts on wrist",
+            "Check whether the flange carries a payload",
+            "Check link inertia of wrist",
+        ];
+        assert_eq!(lines.len(), starts.len());
+        for (line, start) in lines.iter().zip(starts) {
+            assert!(line.starts_with(start), "{line}");
+        }
+    }
+
+    #[test]
+    fn measured_torque_beyond_a_limit_is_said_to_be_the_command() {
+        let limit = of("torque_saturation", &["elbow"], &json!({"limit_Nm": 33.2}));
+        let said = actions(&[limit], &[], &[]).concat();
+        assert!(
+            said.contains("limit 33.2 N m. Beyond it the log holds the command: the joint gets no more."),
+            "{said}"
+        );
     }
 
     #[test]

@@ -41,6 +41,8 @@ const WORTH_NAMING: f64 = 0.05;
 const CREEPING: f64 = 0.2;
 /// Times the noise that are next to it.
 const NEXT_TO_NOISE: f64 = 4.0;
+/// Times its noise floor that the torque noise of a measured log leaves at least: the residual holds the noise itself.
+const MEASURED: f64 = 0.7;
 /// Times the noise that no sound joint keeps.
 const SOUND: f64 = 2.0;
 /// Times the noise that no right values leave, even where most joints keep more than it, as on measured arms.
@@ -67,15 +69,16 @@ impl Document {
         }
         let named = !self.causes.is_empty();
         let mut lines: Vec<Line> =
-            self.actions_by_share(scores).into_iter().map(|text| Line::new("Do", text)).collect();
+            self.actions_by_weight(scores).into_iter().map(|text| Line::new("Do", text)).collect();
         if named {
             lines.extend(self.result_line().map(|text| Line::new("Result", text)));
-        } else {
-            lines.push(Line::new("Cause", self.cause_line()));
         }
+        // What to do says all causes; not what is unexplained.
+        let is_unsaid = !named || self.verdict == "unexplained";
+        lines.extend(is_unsaid.then(|| Line::new("Cause", self.cause_line())));
         lines.push(Line::new("Next", self.next_line()));
         lines.push(Line::new("Not covered", self.open_line()));
-        lines.extend(named.then(|| Line::detail("Cause", self.cause_line())));
+        lines.extend((!is_unsaid).then(|| Line::detail("Cause", self.cause_line())));
         lines.push(Line::detail("Gap", self.gap_line()));
         lines.push(Line::detail("Where", self.place_line()));
         lines.extend(named.then(|| Line::detail("How far", self.shrink_line())));
@@ -291,6 +294,9 @@ impl Document {
             open.push(format!("{out} of {all} stretches of logs were excluded: their torque carries no information"));
         }
         open.extend(self.left_out.iter().map(|what| format!("{what}: no solution")));
+        open.extend(self.is_without_noise().then(|| {
+            "these logs have hardly any noise, as those of a simulator: a measured log shows less, and its intervals are wider".to_owned()
+        }));
         let nothing_missing = self.verdict == "no_gap";
         if let Some(share) = self.unexplained_share.filter(|s| *s >= WORTH_NAMING && !nothing_missing) {
             open.extend(match (self.is_fitted(), self.verdict.as_str()) {
@@ -339,7 +345,13 @@ impl Document {
             let more = if more > 0 { format!(" and {more} more") } else { String::new() };
             open.push(format!("too little data for {}{more}", names.join(", ")));
         }
-        if open.is_empty() { "Every joint and regime has data.".to_owned() } else { open.join("; ") + "." }
+        if open.is_empty() { "Nothing: every joint and regime has data.".to_owned() } else { open.join("; ") + "." }
+    }
+
+    /// Whether every joint stays far below its noise floor in motion: there is no noise in the torque then.
+    fn is_without_noise(&self) -> bool {
+        let mut left = self.gap.per_joint.iter().map(|j| *j.in_motion.get(1)?).peekable();
+        left.peek().is_some() && left.all(|times| times.is_some_and(|times| times < MEASURED))
     }
 
     /// The joint of which most is missed over a whole run, where that is far more than noise: nothing is missing in motion, so it is near
@@ -521,6 +533,19 @@ pub(crate) mod tests {
         assert!(said.contains("near standstill") && said.contains("wrist is then 12.0 %"), "{said}");
         for (verdict, after) in [("no_gap", 0.015), ("no_gap", 0.045), ("unexplained", 0.12)] {
             assert!(!of(verdict, after).contains("standstill"), "{}", of(verdict, after));
+        }
+    }
+
+    #[test]
+    fn a_log_without_noise_is_called_that() {
+        let of = |after: [Value; 2]| {
+            let joints = after.map(|times| json!({"joint": "j", "before": 0.1, "after": 0.01, "noise_floor": 0.01, "in_motion": [9.0, times]}));
+            let gap = json!({"before": 0.1, "after": 0.01, "noise_floor": 0.01, "per_joint": joints});
+            line(&document(&[("gap", gap)]), "Not covered")
+        };
+        assert!(of([json!(0.5), json!(0.12)]).contains("hardly any noise"));
+        for sound in [[json!(0.5), json!(1.0)], [json!(0.5), Value::Null]] {
+            assert!(!of(sound.clone()).contains("hardly any noise"), "{sound:?}");
         }
     }
 

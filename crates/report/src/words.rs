@@ -159,7 +159,7 @@ mod tests {
 
     #[test]
     fn a_class_tells_values_from_effects() {
-        assert_eq!(rival("coulomb_friction"), "a wrong value of coulomb friction");
+        assert_eq!(rival("coulomb_friction"), "a wrong value of Coulomb friction");
         assert_eq!(rival("joint_elasticity"), "joint elasticity");
         // Of a later version, perhaps.
         assert_eq!(rival("some_name"), "some name");

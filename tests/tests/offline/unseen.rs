@@ -11,7 +11,7 @@ use serde_json::Value;
 
 fn diagnosed(logs: &[&Path], folder: &Path) -> (Option<i32>, String, Value) {
     let mut command = rivet();
-    command.arg("diagnose").arg(robot("manutec-r3")).args(logs);
+    command.args(["diagnose", "--details"]).arg(robot("manutec-r3")).args(logs);
     answer(&mut command, folder)
 }
 

@@ -2,7 +2,8 @@
 
 use rivet_dynamics::{EffectKind, KnownEffect, Parameter, ParameterGroup, Places};
 
-use crate::policy::POLICY;
+/// Ratio of two residuals that three digits show.
+const SHOWN_DIFFERENCE: f64 = 1.005;
 
 /// A file that a model is written to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -124,6 +125,9 @@ impl PartKind {
             (PartKind::Group(Group::Inertial), _) => yes("<inertial>"),
             (PartKind::Coulomb, Format::Urdf) => yes("<dynamics friction>; its slope at standstill is the reader's"),
             (PartKind::Group(Group::Friction), Format::Urdf) => yes("<dynamics damping>"),
+            (PartKind::Effect(e), Format::Urdf) if e.kind == EffectKind::TorqueSaturation => {
+                yes("<limit effort> of a joint that has a <limit>; the reader has to enforce it")
+            }
             (_, Format::Urdf) => no("a URDF has no place for it"),
             (PartKind::Coulomb, Format::Mjcf) => yes("joint frictionloss; soft within solreffriction at standstill"),
             (PartKind::Group(Group::Friction), Format::Mjcf) => yes("joint damping"),
@@ -146,7 +150,7 @@ fn mjcf_place(e: &KnownEffect, standard: &[f64], joints: usize) -> Result<String
         EffectKind::JointSpring if e.values[0] >= 0.0 => "joint stiffness",
         EffectKind::TransportDelay => "delay of the motor",
         EffectKind::CurrentLoopLag => "dyntype filter of the motor",
-        EffectKind::TorqueSaturation => "forcerange of the motor",
+        EffectKind::TorqueSaturation => "ctrlrange of the motor",
         EffectKind::EncoderOffset => "joint ref",
         EffectKind::JointCoupling => {
             let rotor = |j: usize| standard[Places::new(joints).rotor_inertia(j)];
@@ -241,7 +245,7 @@ pub(crate) fn reports(found: &Carrying<'_>, given: &Carrying<'_>, measured: &[Ve
                 });
             }
             let (gap, gap_before) = (rms(&found.residual(*format, measured)), rms(&given.residual(*format, measured)));
-            let worse = |j: &usize| gap[*j] > POLICY.plausibility.max_equal_gap_ratio * gap_before[*j].max(whole[*j]);
+            let worse = |j: &usize| gap[*j] > SHOWN_DIFFERENCE * gap_before[*j].max(whole[*j]);
             FormatReport {
                 worse: (0..joints).filter(worse).collect(),
                 format: *format,

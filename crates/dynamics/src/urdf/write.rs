@@ -6,6 +6,7 @@ use std::ops::Range;
 use super::scan::{Element, elements};
 use super::{UrdfArm, UrdfError, UrdfMistakes, UrdfOptions};
 use crate::link::LinkParameters;
+use crate::mjcf::escaped;
 use crate::pseudo_inertia::com_from_body;
 
 /// A URDF with new values.
@@ -78,6 +79,35 @@ pub fn write_urdf(
         out.replace_range(place, &new);
     }
     Ok(WrittenUrdf { text: out, merged })
+}
+
+/// Writes `efforts`, \[N·m or N\] by joint, as `<limit effort>` into the URDF `text`, where they are below what stands there. Joints without
+/// a `<limit>` stay as they are: one with an effort needs a velocity, too.
+///
+/// # Errors
+/// If the text is no XML, or has no `<robot>`.
+pub fn write_efforts(text: &str, efforts: &[(&str, f64)]) -> Result<String, UrdfError> {
+    let mut out = text.to_owned();
+    // From the end on, so that places stay.
+    for element in elements(text).map_err(|mistake| mistake.error)?.iter().rev().filter(|e| e.name == "joint") {
+        let effort = efforts.iter().find(|(joint, _)| element.attribute("name") == Some(*joint));
+        let (Some((_, effort)), Some(limit)) = (effort, element.part("limit")) else { continue };
+        if limit
+            .attribute("effort")
+            .and_then(|text| text.trim().parse::<f64>().ok())
+            .is_some_and(|most| most <= *effort)
+        {
+            continue;
+        }
+        let mut tag = "<limit".to_owned();
+        for (name, value) in limit.attributes.iter().filter(|(name, _)| name != "effort") {
+            // Writing to a String cannot fail.
+            let _ = write!(tag, " {name}=\"{}\"", escaped(value));
+        }
+        let _ = write!(tag, " effort=\"{effort:?}\"{}>", if limit.empty { "/" } else { "" });
+        out.replace_range(limit.tag.clone(), &tag);
+    }
+    Ok(out)
 }
 
 fn inertial_text(body: &LinkParameters) -> String {

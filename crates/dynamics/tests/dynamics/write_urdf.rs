@@ -1,6 +1,6 @@
 //! New values in a URDF's text: read back exactly, everything else untouched.
 
-use rivet_dynamics::{Arm, UrdfError, UrdfOptions, body_from_com, write_urdf};
+use rivet_dynamics::{Arm, UrdfError, UrdfOptions, body_from_com, write_efforts, write_urdf};
 
 /// A chain with a mass fixed to the root, a moving link without `<inertial>`, a flange fixed to the tip, comments that
 /// look like elements, and a transmission that names a joint.
@@ -32,6 +32,15 @@ const TEXT: &str = r#"<?xml version="1.0"?>
 fn bodies() -> Vec<[f64; 10]> {
     let inertia = [[0.021, 0.001, -0.002], [0.001, 0.033, 0.0005], [-0.002, 0.0005, 0.027]];
     vec![body_from_com(2.7, &[0.11, -0.02, 0.19], &inertia), body_from_com(0.9, &[-0.01, 0.02, 0.03], &inertia)]
+}
+
+#[test]
+fn efforts_go_down_and_the_rest_stays() {
+    let written = write_efforts(TEXT, &[("j1", 2.5), ("j2", 1.0)]).expect("written");
+    let limit = "<limit lower=\"-1\" upper=\"1\" velocity=\"2\" effort=\"3\"/>";
+    let lower = "<limit lower=\"-1\" upper=\"1\" velocity=\"2\" effort=\"2.5\"/>";
+    assert_eq!(written, TEXT.replace(limit, lower), "j2 has no <limit>");
+    assert_eq!(write_efforts(TEXT, &[("j1", 4.0)]).expect("written"), TEXT, "the limit is lower already");
 }
 
 #[test]

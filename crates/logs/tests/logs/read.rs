@@ -313,7 +313,7 @@ fn unequal_lines_and_foreign_files_are_refused() {
     );
     std::fs::write(&odd, [0_u8, 1, 2, 3]).expect("written");
     let why = read(&odd, &ReadOptions::new(1)).expect_err("binary").to_string();
-    assert!(why.contains("neither Parquet nor text"), "{why}");
+    assert!(why.contains("binary data of no known format, not a recording"), "{why}");
     let none = folder.path().join("none.csv");
     assert!(read(&none, &ReadOptions::new(1)).expect_err("absent").to_string().contains("none.csv"));
     let short = write_columns(&none, &[("t", &[0.0, 1.0][..]), ("q1", &[0.0][..])]);

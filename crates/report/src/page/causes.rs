@@ -262,8 +262,7 @@ fn corrected(document: &Document) -> &'static str {
     if document.causes.is_empty() { "parameters refitted" } else { "corrected model" }
 }
 
-/// The excerpt of the joint that is furthest off in motion, over its noise: of those of the first missing effect, else of the first
-/// cause, where it has joints.
+/// The excerpt of the joint that is furthest off in motion, over its noise: of those of the first line of what to do, where it has joints.
 pub(super) fn worst<'a>(document: &Document, figures: &'a Figures) -> Option<&'a Excerpt> {
     let off = |excerpt: &Excerpt| {
         let of = document.gap.per_joint.iter().find(|gap| gap.joint == excerpt.joint);
@@ -273,8 +272,8 @@ pub(super) fn worst<'a>(document: &Document, figures: &'a Figures) -> Option<&'a
     let furthest = |among: &dyn Fn(&Excerpt) -> bool| {
         figures.excerpts.iter().rev().filter(|e| among(e)).max_by(|a, b| off(a).total_cmp(&off(b)))
     };
-    let missing = document.causes.iter().find(|cause| !cause.is_value());
-    let named = missing.or(document.causes.first()).map_or(&[][..], |cause| cause.joints.as_slice());
+    let causes = document.causes_by_weight();
+    let named = causes.first().map_or(&[][..], |cause| cause.joints.as_slice());
     furthest(&|excerpt| named.contains(&excerpt.joint)).or_else(|| furthest(&|_| true))
 }
 
