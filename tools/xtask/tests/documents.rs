@@ -62,7 +62,7 @@ fn fragment(heading: &str) -> String {
 
 /// Whether a word names a file or a folder of the workspace: from the root on, without placeholders.
 fn is_path(word: &str) -> bool {
-    const TOP: [&str; 11] = [
+    const TOP: [&str; 14] = [
         "crates",
         "tools",
         "docs",
@@ -74,6 +74,9 @@ fn is_path(word: &str) -> bool {
         "tests",
         "robots",
         "systemd",
+        "examples",
+        "librivet",
+        "python",
     ];
     let plain = word.chars().all(|c| c.is_ascii_alphanumeric() || "./_-".contains(c));
     plain && word.split_once('/').is_some_and(|(first, _)| TOP.contains(&first))
@@ -113,10 +116,11 @@ fn every_path_that_a_document_names_exists() {
     let root = root();
     let (mut seen, mut missing) = (0, Vec::new());
     for document in documents() {
-        // Other people's repositories have a `config` as well.
+        // Other people's repositories have `config` and `examples` as well.
         let is_robot = document.starts_with(root.join("robots"));
         let text = without_fences(&read(&document));
-        for word in code(&text).filter(|word| is_path(word) && !(is_robot && word.starts_with("config/"))) {
+        let is_foreign = |word: &str| is_robot && ["config/", "examples/"].iter().any(|top| word.starts_with(top));
+        for word in code(&text).filter(|word| is_path(word) && !is_foreign(word)) {
             seen += 1;
             if !root.join(word).exists() {
                 missing.push(format!("{}: no {word}", document.display()));
@@ -138,12 +142,46 @@ fn every_source_that_the_rules_name_exists() {
     assert!(sources.len() > 50, "only {} sources were found", sources.len());
 }
 
-/// Pages of the manual are those that its table of contents links.
+/// Pages of the manual: those that `docs/SUMMARY.md` links.
+fn manual_pages() -> Vec<PathBuf> {
+    let docs = root().join("docs");
+    links(&read(&docs.join("SUMMARY.md"))).map(|link| docs.join(link)).collect()
+}
+
+/// Whether a link on a page leads to a file that the built manual lacks. It has its pages, and copies of the files below
+/// `docs/` that are not Markdown.
+fn leaves_manual(page: &Path, link: &str, pages: &[PathBuf]) -> bool {
+    let file = link.split('#').next().unwrap_or(link);
+    if link.starts_with("http") || file.is_empty() {
+        return false;
+    }
+    // Without `..`, so that paths can be compared.
+    let real = |path: &Path| fs::canonicalize(path).ok().filter(|path| path.is_file());
+    let Some(target) = page.parent().and_then(|folder| real(&folder.join(file))) else { return true };
+    if target.extension().is_some_and(|e| e == "md") {
+        return !pages.iter().any(|page| real(page).is_some_and(|page| page == target));
+    }
+    !fs::canonicalize(root().join("docs")).is_ok_and(|docs| target.starts_with(docs))
+}
+
+#[test]
+fn every_link_of_the_manual_leads_to_a_file_of_the_built_manual() {
+    let pages = manual_pages();
+    let (mut seen, mut dead) = (0, Vec::new());
+    for page in &pages {
+        let text = without_fences(&read(page));
+        seen += links(&text).count();
+        let leaving = links(&text).filter(|link| leaves_manual(page, link, &pages));
+        dead.extend(leaving.map(|link| format!("{}: {link} is not in the built manual", page.display())));
+    }
+    assert!(dead.is_empty(), "{}\nName a file of the repository as code.", dead.join("\n"));
+    assert!(seen > 100, "only {seen} links were found");
+}
+
 #[test]
 fn the_manual_contains_every_page_of_docs() {
     let docs = root().join("docs");
-    let contents = read(&docs.join("SUMMARY.md"));
-    let linked: Vec<PathBuf> = links(&contents).map(|link| docs.join(link)).collect();
+    let linked = manual_pages();
     let pages = files_below(&docs).into_iter().filter(|p| p.extension().is_some_and(|e| e == "md"));
     let pages = pages.filter(|page| !page.starts_with(docs.join("tables")));
     let missing: Vec<PathBuf> = pages.filter(|p| !p.ends_with("SUMMARY.md") && !linked.contains(p)).collect();
@@ -182,5 +220,12 @@ fn broken_links_are_found() {
     assert!(broken_link(&readme, "docs/none.md").is_some());
     assert!(broken_link(&readme, "docs/method.md#none").is_some());
     assert_eq!(fragment("## `a_b`: what, why?"), "a_b-what-why");
+    let (page, pages) = (root().join("docs/effects/payload.md"), manual_pages());
+    for link in ["../method.md#payload", "../pictures/effects/payload.svg", "#none", "https://example.org"] {
+        assert!(!leaves_manual(&page, link, &pages), "{link}");
+    }
+    for link in ["../../README.md", "../../examples/robot.c", "../tables/real.md", "../SUMMARY.md", "..", "none.md"] {
+        assert!(leaves_manual(&page, link, &pages), "{link}");
+    }
     assert!(is_path("docs/method.md") && !is_path("target/x") && !is_path("config/src/*.rs"));
 }
