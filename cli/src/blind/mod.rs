@@ -3,6 +3,7 @@
 mod make;
 mod run;
 mod score;
+mod scores;
 
 use std::process::ExitCode;
 
@@ -23,6 +24,8 @@ enum Command {
     Run(run::Args),
     /// Score verdicts against the answers
     Score(score::Args),
+    /// Scores of this version on the sets that it was tested with, side by side
+    Scores(scores::Args),
 }
 
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
@@ -30,5 +33,6 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
         Command::Make(args) => make::run(args),
         Command::Run(args) => run::run(args),
         Command::Score(args) => score::run(args),
+        Command::Scores(args) => scores::run(args),
     }
 }

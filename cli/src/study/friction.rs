@@ -1,5 +1,6 @@
 //! `rivet study friction`: the ladder of friction laws on logs of one arm, each judged by what it was not fitted to.
 
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -28,6 +29,9 @@ pub(crate) struct Args {
     /// Also write the figures as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// Also write the table as Markdown
+    #[arg(long, value_name = "FILE")]
+    markdown: Option<PathBuf>,
 }
 
 /// Logs that are left out together.
@@ -49,7 +53,8 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     }
     let robot = load_robot(&args.robot, &[])?;
     let logs = args.folds.iter().flat_map(|fold| &fold.0);
-    Outputs::for_logs(&robot, &args.robot, logs).file("--json", args.json.as_ref()).check()?;
+    let outputs = Outputs::for_logs(&robot, &args.robot, logs).file("--json", args.json.as_ref());
+    outputs.file("--markdown", args.markdown.as_ref()).check()?;
     let folds: Vec<Vec<Run>> = args
         .folds
         .iter()
@@ -64,6 +69,9 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let ladder = ladder?;
     show(&text(&robot, &ladder))?;
     write_json(args.json.as_ref(), &to_json(&robot, &args.folds, &ladder))?;
+    if let Some(path) = &args.markdown {
+        rivet_files::write_whole(path, markdown(&robot, &ladder)).with_context(|| path.display().to_string())?;
+    }
     Ok(ExitCode::SUCCESS)
 }
 
@@ -95,11 +103,8 @@ fn text(robot: &Robot, ladder: &Ladder) -> String {
     let mut table = Table::new(head.chain(["all".to_owned(), "change".to_owned(), String::new()]));
     let percent = |share: &f64| format!("{:.1}", 100.0 * share);
     for rung in ranked(ladder) {
-        let (change, error) = rung.change;
         let cells = [rung.name.to_owned()].into_iter().chain(rung.joints.iter().map(percent));
-        let change =
-            if change == 0.0 { String::new() } else { format!("{:+.1} +- {:.1}", 100.0 * change, 100.0 * error) };
-        table.row(cells.chain([percent(&rung.error), change, verdict(rung).to_owned()]));
+        table.row(cells.chain([percent(&rung.error), change(rung), verdict(rung).to_owned()]));
     }
     format!(
         "{}: residual on the left-out folds, in % of their torque, and the change of its\nsquare against coulomb + \
@@ -108,6 +113,22 @@ fn text(robot: &Robot, ladder: &Ladder) -> String {
         -1e3 * ladder.delay_s,
         table.text()
     )
+}
+
+/// Change of the squared residual and its standard error \[%\]; nothing of the law that others are compared with.
+fn change(rung: &Rung) -> String {
+    let (change, error) = rung.change;
+    if change == 0.0 { String::new() } else { format!("{:+.1} +- {:.1}", 100.0 * change, 100.0 * error) }
+}
+
+fn markdown(robot: &Robot, ladder: &Ladder) -> String {
+    let mut out =
+        format!("| {}, best first | residual, % | change of its square, % | |\n|---|---|---|---|\n", robot.config.name);
+    for rung in ranked(ladder) {
+        // Writing to a String cannot fail.
+        let _ = writeln!(out, "| {} | {:.1} | {} | {} |", rung.name, 100.0 * rung.error, change(rung), verdict(rung));
+    }
+    out
 }
 
 fn to_json(robot: &Robot, folds: &[Fold], ladder: &Ladder) -> Value {

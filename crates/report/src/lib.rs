@@ -25,7 +25,7 @@ pub use document::{
 pub use export::formats;
 pub use page::page;
 pub use rollout::{Rollout, RolloutPoint};
-pub use scores::{Bin, CONFIDENCES, Group, Outcome, Prediction, STRENGTHS, Score};
+pub use scores::{Bin, CONFIDENCES, Group, Outcome, Prediction, STRENGTHS, Score, markdown as scores_markdown};
 pub use tally::{Answer, Found, Tally};
 pub use verdict::Line;
 pub use views::{Contrast, View, Views};

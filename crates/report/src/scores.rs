@@ -140,6 +140,41 @@ pub struct Score {
     pub shrinks: Vec<Prediction>,
 }
 
+/// The figures of several sets beside each other in Markdown, then how often causes of each range of confidence were right.
+#[must_use]
+pub fn markdown(scores: &[Score]) -> String {
+    let mut out = String::new();
+    let mut table = |first: &str, rows: &[(String, Vec<String>)]| {
+        if !out.is_empty() {
+            out.push('\n');
+        }
+        let sets: Vec<String> = scores.iter().map(|score| format!("{}, {} cases", score.set, score.cases)).collect();
+        // Writing to a String cannot fail.
+        let _ = writeln!(out, "| {first} | {} |", sets.join(" | "));
+        let _ = writeln!(out, "|---{}|", "|---".repeat(sets.len()));
+        for (name, cells) in rows {
+            let _ = writeln!(out, "| {name} | {} |", cells.join(" | "));
+        }
+    };
+    let figures: Vec<Vec<(&str, String)>> = scores.iter().map(Score::summary).collect();
+    let names = figures.first().map_or(&[][..], Vec::as_slice).iter().map(|(name, _)| *name);
+    let of = |k: usize| figures.iter().map(|figures| figures[k].1.clone()).collect();
+    let rows: Vec<_> = names.enumerate().map(|(k, name)| (name.to_owned(), of(k))).collect();
+    table("figure", &rows);
+    let range = |from: f64, to: f64| if to > 1.0 { format!("{from} and more") } else { format!("{from} to {to}") };
+    let cell = |score: &Score, k: usize| match score.confidence.get(k) {
+        Some(bin) if bin.count > 0 => format!("{} of {}", bin.right, bin.count),
+        _ => "-".to_owned(),
+    };
+    let rows: Vec<_> = CONFIDENCES
+        .windows(2)
+        .enumerate()
+        .map(|(k, w)| (range(w[0], w[1]), scores.iter().map(|score| cell(score, k)).collect()))
+        .collect();
+    table("confidence: right", &rows);
+    out
+}
+
 /// Edges of [`Score::strength`].
 pub const STRENGTHS: [f64; 6] = [0.5, 1.0, 2.0, 5.0, 20.0, f64::MAX];
 /// Edges of [`Score::confidence`].
@@ -214,6 +249,21 @@ mod tests {
         assert_eq!(Group { visible: 5, named: 5, ..Group::default() }.f1(), 1.0);
         assert_eq!(Group { visible: 5, beside: 3, ..Group::default() }.f1(), 0.0);
         assert_eq!(Group::default().f1(), 0.0, "an empty group is no division by zero");
+    }
+
+    #[test]
+    fn sets_stand_beside_each_other() {
+        let mut confidence = Bin::between(&CONFIDENCES);
+        Bin::add(&mut confidence, 0.97, true);
+        let of =
+            |set: &str, confidence: Vec<Bin>| Score { set: set.to_owned(), cases: 3, confidence, ..Score::default() };
+        let text = markdown(&[of("a", confidence), of("b", Vec::new())]);
+        assert!(
+            text.starts_with("| figure | a, 3 cases | b, 3 cases |\n|---|---|---|\n| visible effects named |"),
+            "{text}"
+        );
+        assert!(text.contains("\n\n| confidence: right | a, 3 cases | b, 3 cases |\n"), "{text}");
+        assert!(text.ends_with("| 0.97 and more | 1 of 1 | - |\n"), "{text}");
     }
 
     #[test]
