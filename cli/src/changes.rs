@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use anyhow::Result;
-use rivet_report::words::{effect, figure, joints, percent, quantity};
+use rivet_report::words::{self, effect, figure, joints, percent, quantity};
 use rivet_report::{Changes, Document, Number, Pair};
 
 use crate::documents::read_document;
@@ -45,9 +45,9 @@ fn as_text(changes: &Changes, a: &Document) -> String {
     let arrow = |p: &Pair<Number>| format!("{} -> {}", percent(p.a), percent(p.b));
     let verdict = &changes.verdict;
     let head = if verdict.a == verdict.b {
-        format!("compare {}: still {}", a.robot, verdict.b)
+        format!("compare {}: still {}", a.robot, words::verdict(&verdict.b))
     } else {
-        format!("compare {}: {} became {}", a.robot, verdict.a, verdict.b)
+        format!("compare {}: {} became {}", a.robot, words::verdict(&verdict.a), words::verdict(&verdict.b))
     };
     let mut out = paragraph("", &head);
     out +=
@@ -88,7 +88,7 @@ fn as_text(changes: &Changes, a: &Document) -> String {
         let mut table = Table::new(["value, pinned in both", "was", "is", "unit"]);
         for v in &changes.values {
             let rounded = |x: Number| x.map_or_else(|| "-".to_owned(), |x| figure(x, 3));
-            table.row([v.name.clone(), rounded(v.found.a), rounded(v.found.b), v.unit.clone()]);
+            table.row([quantity(&v.name, a).0, rounded(v.found.a), rounded(v.found.b), v.unit.clone()]);
         }
         out += &table.text();
     }

@@ -4,9 +4,12 @@ use anyhow::{Context as _, Result, bail};
 use clap::ValueEnum as _;
 use clap::builder::{PathBufValueParser, TypedValueParser as _};
 use rivet_ipc_schema::{Bus, BusConfig, ControlCommand, ControlStatus, RobotName};
+use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
+
+use crate::table::show_json;
 
 /// Which bus, where that is not the one of the robot file.
 #[derive(clap::Args)]
@@ -54,6 +57,9 @@ pub(crate) struct Args {
     /// Command.
     #[arg(value_enum)]
     command: Word,
+    /// Print the answer as JSON.
+    #[arg(long)]
+    json: bool,
 }
 
 #[derive(Clone, Copy, clap::ValueEnum)]
@@ -93,6 +99,16 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     };
     let reply = client.ask(command, PATIENCE)?.with_context(|| format!("no {program} answers on this bus"))?;
     let text = reply.text();
+    if args.json {
+        let status = match ControlStatus::try_from(reply.status) {
+            Ok(ControlStatus::Done) => "done",
+            Ok(ControlStatus::Refused) => "refused",
+            Ok(ControlStatus::Failed) => "failed",
+            _ => "unknown_command",
+        };
+        show_json(&json!({"robot": name.as_str(), "program": program, "status": status, "text": text}))?;
+        return Ok(ExitCode::from(u8::from(status != "done")));
+    }
     match ControlStatus::try_from(reply.status) {
         Ok(ControlStatus::Done) => {
             rivet_files::note(if text.is_empty() { "done" } else { &text });

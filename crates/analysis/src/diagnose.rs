@@ -308,7 +308,7 @@ fn on_their_clocks(logs: Vec<(Vec<Run>, Vec<f64>)>, live: bool) -> Vec<Run> {
 
 /// The verdict, with details below.
 fn as_text(found: &Document, scores: &[Score], details: bool) -> String {
-    let mut out = paragraph("", &format!("diagnose {}: {}", found.robot, rivet_report::words::verdict(&found.verdict)));
+    let mut out = paragraph("", &format!("diagnose {}: {}", found.robot, rivet_report::words::verdict_of(found)));
     for line in found.lines(scores).iter().filter(|line| details || !line.detail) {
         out += &paragraph(&format!("  {:<12} ", line.head), &line.text);
     }

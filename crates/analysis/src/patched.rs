@@ -7,6 +7,7 @@ use anyhow::{Context, Result};
 use rivet_config::{Changes, Robot, write_changed, write_identified};
 use rivet_diagnosis::{Fidelity, Format, FormatReport, Patch, SeparatingMotion, mjcf_coupling_fits};
 use rivet_dynamics::{EffectKind, Mjcf, MjcfDrive, MjcfTendon, write_efforts, write_urdf};
+use rivet_report::words::effect;
 
 use crate::export::{bodies, description, place_load};
 use crate::mujoco_forces;
@@ -61,11 +62,11 @@ pub(crate) fn export(robot: &Robot, patch: &Patch, folder: &Path) -> Result<Robo
         rivet_files::write_whole(&path, forces).with_context(|| named(&path))?;
     }
     for (k, motion) in patch.motions.iter().enumerate() {
-        let rivals = motion.rivals.iter().map(|r| r.name()).collect::<Vec<_>>().join(", ");
+        let rivals = motion.rivals.iter().map(|r| effect(r.name())).collect::<Vec<_>>().join(", ");
+        let cause = effect(motion.effect.name());
         if !motion.is_conclusive() {
             let text = format!(
-                "no motion of one joint within its limits is expected to separate {} from {rivals}",
-                motion.effect
+                "no setpoints are written to separate {cause} from {rivals}: one joint alone, within its limits, is not expected to do it"
             );
             session::note(paragraph("rivet: ", &text).trim_end());
             continue;
@@ -73,12 +74,7 @@ pub(crate) fn export(robot: &Robot, patch: &Patch, folder: &Path) -> Result<Robo
         let path = folder.join(format!("separating-{}.csv", k + 1));
         let text = setpoints(motion, &robot.config.log.joint_zero);
         rivet_files::write_whole(&path, &text).with_context(|| named(&path))?;
-        session::note(format_args!(
-            "rivet: {} separates {} from {rivals}: {}",
-            path.display(),
-            motion.effect,
-            motion.text
-        ));
+        session::note(format_args!("rivet: {} separates {cause} from {rivals}: {}", path.display(), motion.text));
     }
     rivet_files::write_whole(&notes, rivet_files::Printable(not_expressible(robot, patch)).to_string())
         .with_context(|| named(&notes))?;

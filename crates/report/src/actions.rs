@@ -2,7 +2,7 @@
 
 use crate::document::{Cause, Document, JointGap, Parameter, is_contact};
 use crate::scores::{Bin, Score};
-use crate::words::{effect, figure, joints_in_short, parameter_label, printed_unit, quantity_of, rival};
+use crate::words::{effect, figure, joints_in_short, parameter_label, printed_unit, quantity_of, rival, value_label};
 
 /// Values of the model in one line. Of more, the line has the largest change, and the table of parameters has all.
 const VALUES: usize = 3;
@@ -160,12 +160,8 @@ impl Document {
         let long = |cause: &&Cause| self.changed_values(cause).len() > VALUES;
         let row = |cause: &Cause, (parameter, value): (&Parameter, f64)| {
             let ends = cause.magnitude_interval.get(&parameter.name).filter(|[low, high]| low < high);
-            let own = &parameter.name;
-            let entry = own.split_once('.').map_or(own.as_str(), |(_, entry)| entry);
-            let label = parameter_label(parameter, self);
-            let of_a_drive = own.starts_with('j') && label != *own;
             [
-                if of_a_drive { format!("{label} {}", entry.replace('_', " ")) } else { label },
+                value_label(parameter, self),
                 parameter.given.map_or_else(|| "-".to_owned(), |given| figure(given, 3)),
                 figure(value, 3),
                 ends.map_or_else(|| "-".to_owned(), |[low, high]| format!("{}..{}", figure(*low, 3), figure(*high, 3))),
@@ -345,7 +341,7 @@ mod tests {
         assert!(found(3).value_rows().is_empty(), "the line has them");
         let rows = found(4).value_rows();
         assert_eq!(rows.len(), 4);
-        assert_eq!(rows[0], ["arm_lift coulomb", "1.00", "5.00", "4.50..5.50", "N m"], "the largest change first");
+        assert_eq!(rows[0], ["arm_lift Coulomb", "1.00", "5.00", "4.50..5.50", "N m"], "the largest change first");
         assert!(found(4).actions(&[]).concat().contains(" N m, 3 more in the table of parameters"));
     }
 

@@ -1,6 +1,6 @@
 //! Figures and names as a person reads them.
 
-use crate::document::{Document, Number, Parameter, is_value};
+use crate::document::{Document, Number, Parameter, is_contact, is_value};
 
 pub use crate::terms::effect;
 
@@ -26,6 +26,15 @@ pub fn figure(x: f64, digits: i32) -> String {
 /// The name of a member of a class, which says whether the model has it with a wrong value.
 pub fn rival(name: &str) -> String {
     if is_value(name) { format!("a wrong value of {}", effect(name)) } else { effect(name) }
+}
+
+/// The verdict of a document in words: touch is nothing that a model lacks.
+pub fn verdict_of(document: &Document) -> String {
+    let mut missing = document.causes.iter().filter(|cause| !cause.is_value()).peekable();
+    if document.verdict == "effect" && missing.peek().is_some() && missing.all(is_contact) {
+        return "contact".to_owned();
+    }
+    verdict(&document.verdict)
 }
 
 /// A verdict, as it stands in JSON, in words.
@@ -83,7 +92,7 @@ pub fn quantity_of(name: &str, joints: &[String], document: &Document) -> (Strin
 pub fn quantity(name: &str, document: &Document) -> (String, String) {
     let parameters = document.figures.iter().flat_map(|f| &f.parameters);
     if let Some(parameter) = parameters.into_iter().find(|p| p.name == name) {
-        return (name.to_owned(), printed_unit(&parameter.unit));
+        return (value_label(parameter, document), printed_unit(&parameter.unit));
     }
     if let Some(way @ ("forwards" | "backwards")) = name.strip_suffix("_Nm") {
         return (format!("{way} more than the other way by"), "N m".to_owned());
@@ -121,6 +130,16 @@ pub(crate) fn parameter_label(parameter: &Parameter, document: &Document) -> Str
             format!("link {link} {what}")
         }
         _ => own.to_owned(),
+    }
+}
+
+/// A value of the model and what it is of: "wrist_1_joint Coulomb", "wrist_1_joint rotor inertia", "link 3 first moment x"; its own name
+/// where the document does not name the joint.
+pub fn value_label(parameter: &Parameter, document: &Document) -> String {
+    let (own, label) = (parameter.name.as_str(), parameter_label(parameter, document));
+    match own.split_once('.') {
+        Some((_, entry)) if own.starts_with('j') && label != own => format!("{label} {}", effect(entry)),
+        _ => label,
     }
 }
 
@@ -171,6 +190,21 @@ mod tests {
         let [label, unit] = <[String; 2]>::from(quantity("backwards_Nm", &document));
         assert_eq!((label.as_str(), unit.as_str()), ("backwards more than the other way by", "N m"));
         assert_eq!(quantity("coulomb_Nm", &document).0, "coulomb");
+    }
+
+    #[test]
+    fn a_value_of_the_model_is_told_with_its_joint() {
+        let mut document: Document = serde_json::from_str(crate::document::CONTRACT).expect("a document");
+        let joint =
+            serde_json::json!({"joint": "wrist", "before": 0.1, "after": 0.1, "noise_floor": 0.1, "in_motion": []});
+        document.gap.per_joint = vec![serde_json::from_value(joint).expect("a joint")];
+        let label = |name: &str| {
+            let parameter = serde_json::json!({"name": name, "unit": "N m", "joint": 1, "given": 0.0, "found": 1.0, "low": 0.0, "high": 2.0,
+                "state": "pinned", "wrong": true});
+            value_label(&serde_json::from_value(parameter).expect("a parameter"), &document)
+        };
+        let labels = ["j1.coulomb", "j1.rotor_inertia", "l1.mcx", "j9.coulomb"].map(label);
+        assert_eq!(labels, ["wrist Coulomb", "wrist rotor inertia", "link 1 first moment x", "j9.coulomb"]);
     }
 
     /// Every size in the tables of the manual's pages has the unit of its name.

@@ -16,7 +16,7 @@ use std::fmt::Write as _;
 
 use crate::document::Document;
 use crate::scores::Score;
-use crate::words::verdict;
+use crate::words::verdict_of;
 use html::escape;
 
 const STYLE: &str = include_str!("style.css");
@@ -89,7 +89,7 @@ pub fn page(document: &Document, scores: &[Score]) -> String {
          <code>rivet diagnose --json</code> writes it. Relative figures are of the held-out log. Colours separate \
          series and have no rank.</footer>\n\
          <script type=\"application/json\" id=\"diagnosis\">{data}</script>\n</body></html>\n",
-        verdict = escape(&verdict(&document.verdict)),
+        verdict = escape(&verdict_of(document)),
         lines = top::top(document, scores),
         schema = escape(&document.schema),
         data = data(document),

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use super::html::{Table, escape, facts};
 use crate::document::{Cell, Document, Number, Parameter, Stage};
 use crate::verdict::regime;
-use crate::words::{effect, figure, joints, percent};
+use crate::words::{effect, figure, joints, percent, value_label};
 
 /// Digits of a hash that a page shows; the JSON has all.
 const HASH: usize = 16;
@@ -246,7 +246,7 @@ pub(super) fn parameters(document: &Document) -> String {
                 _ => "NOT PINNED",
             };
             table.row(&[
-                p.name.clone(),
+                value_label(p, document),
                 p.unit.clone(),
                 nm(p.given),
                 nm(p.found),
