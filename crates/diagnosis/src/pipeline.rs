@@ -24,6 +24,7 @@ use crate::select::adopted::Adopted;
 use crate::select::confounded_values;
 use crate::select::flange_body;
 use crate::select::forward::Selected;
+use crate::select::inner_ends::inner_ends;
 use crate::select::value_group::Group;
 use crate::select::values::{self, Wrong};
 
@@ -72,6 +73,10 @@ impl Explanation {
         }
         let doubts = doubts.unwrap_or_default();
         let Selected { mut adopted, .. } = selected;
+        // With everything in the model: what is withdrawn later takes its part with it.
+        for at in 0..adopted.len() {
+            adopted[at].inner_ends = inner_ends(search, &adopted[at]);
+        }
         let doubted = counterbalance_or_link::doubt(search, &mut adopted);
         or_said(doubted, "whether a counterbalance is a body whose centre lies elsewhere", left_out);
         let over: Vec<String> = search.noise.iter().zip(&search.floor).map(|(n, f)| format!("{:.1}", n / f)).collect();

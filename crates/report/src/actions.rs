@@ -9,6 +9,8 @@ const VALUES: usize = 3;
 /// Confidence from which a cause stands among the first, and from which its line says what to do: below, what to check.
 const SURE: f64 = 0.8;
 const LIKELY: f64 = 0.5;
+/// Digits of a size: more where the ends of its interval would be the same.
+const DIGITS: [i32; 3] = [3, 4, 5];
 /// Sizes that are factors, and the words for what they multiply.
 const FACTORS: [(&str, [&str; 2]); 3] = [
     ("mass_gain", ["mass and inertia", "the file's"]),
@@ -100,10 +102,11 @@ impl Document {
     /// Sizes with units and 90 % intervals: values of the model from the file's to the one found, the largest changes first.
     fn action_sizes(&self, cause: &Cause) -> Vec<String> {
         let sized = |name: &String, value: f64| {
-            let ends = cause.magnitude_interval.get(name).filter(|[low, high]| low < high);
-            let ends =
-                ends.map_or_else(String::new, |[low, high]| format!(" [{}, {}]", figure(*low, 3), figure(*high, 3)));
-            format!("{}{ends}", figure(value, 3))
+            let Some([low, high]) = cause.magnitude_interval.get(name).filter(|[low, high]| low < high) else {
+                return figure(value, DIGITS[0]);
+            };
+            let digits = digits_apart(*low, *high);
+            format!("{} [{}, {}]", figure(value, digits), figure(*low, digits), figure(*high, digits))
         };
         let known = || cause.magnitude.iter().filter_map(|(name, value)| Some((name, (*value)?)));
         let values = self.changed_values(cause);
@@ -163,8 +166,14 @@ impl Document {
             [
                 value_label(parameter, self),
                 parameter.given.map_or_else(|| "-".to_owned(), |given| figure(given, 3)),
-                figure(value, 3),
-                ends.map_or_else(|| "-".to_owned(), |[low, high]| format!("{}..{}", figure(*low, 3), figure(*high, 3))),
+                figure(value, ends.map_or(DIGITS[0], |[low, high]| digits_apart(*low, *high))),
+                ends.map_or_else(
+                    || "-".to_owned(),
+                    |[low, high]| {
+                        let digits = digits_apart(*low, *high);
+                        format!("{}..{}", figure(*low, digits), figure(*high, digits))
+                    },
+                ),
                 printed_unit(&parameter.unit),
             ]
         };
@@ -213,6 +222,12 @@ impl Document {
         let most = |at: usize| self.gap.per_joint.iter().filter_map(|j| *j.in_motion.get(at)?).reduce(f64::max);
         most(0).zip(most(1))
     }
+}
+
+/// The fewest digits in which the ends of an interval differ, if any do.
+fn digits_apart(low: f64, high: f64) -> i32 {
+    let differ = |digits: &i32| figure(low, *digits) != figure(high, *digits);
+    DIGITS.into_iter().find(differ).unwrap_or(DIGITS[0])
 }
 
 /// Whether a cause has this confidence, or none is known.
@@ -399,6 +414,16 @@ mod tests {
             said.contains("limit 33.2 N m. Beyond it the log holds the command: the joint gets no more."),
             "{said}"
         );
+    }
+
+    #[test]
+    fn a_narrow_interval_has_the_digits_that_show_it() {
+        let mut limit = of("torque_ripple", &["elbow"], &json!({"cycles_per_turn": 100.83}));
+        let with = |limit: &Value| actions(std::slice::from_ref(limit), &[], &[]).concat();
+        limit["magnitude_interval"] = json!({"cycles_per_turn": [100.78, 101.36]});
+        assert!(with(&limit).contains("cycles 100.8 [100.8, 101.4] per turn"), "{}", with(&limit));
+        limit["magnitude_interval"] = json!({"cycles_per_turn": [100.8299999, 100.8300001]});
+        assert!(with(&limit).contains("cycles 101 [101, 101] per turn"), "{}", with(&limit));
     }
 
     #[test]

@@ -115,6 +115,11 @@ pub(crate) trait EffectForm: Clone {
         self.has_fixed_gain()
     }
 
+    /// Whether its columns change smoothly with its inner values; a simulated gear's do not.
+    fn is_smooth(&self) -> bool {
+        !self.is_simulated()
+    }
+
     /// Least coefficient: one that is wanted at a part of its size imitates what another form leaves.
     fn least_coefficient(&self) -> Option<f64> {
         None

@@ -254,6 +254,7 @@ hand_on! {
     order() -> Option<f64>;
     has_fixed_gain() -> bool;
     is_simulated() -> bool;
+    is_smooth() -> bool;
     least_coefficient() -> Option<f64>;
     prior_std() -> Option<f64>;
     has_unfelt_columns() -> bool;

@@ -91,6 +91,10 @@ impl EffectForm for Saturation {
         true
     }
 
+    fn is_smooth(&self) -> bool {
+        true
+    }
+
     /// Whether the limit cuts the command of the joint now and then while it moves, not for most of the time nor in single samples.
     fn is_observed(&self, runs: &[Physics<'_>]) -> bool {
         let signals = runs.iter().flat_map(|p| p.run.tau[self.joint].iter().zip(&p.motion.qd[self.joint]));

@@ -22,6 +22,15 @@ pub(crate) struct Block {
     pub(crate) rows: Range<usize>,
 }
 
+/// Columns of an adopted effect that were taken out of a design.
+pub(crate) struct TakenOut {
+    place: usize,
+    /// Of each joint of each run.
+    columns: Vec<DMatrix<f64>>,
+    /// The left-hand side as it was.
+    y: Vec<Vec<DVector<f64>>>,
+}
+
 /// The equations of several runs.
 pub(crate) struct Design {
     /// `d[run][joint]`: rows x columns, each row times the root of its weight.
@@ -223,6 +232,27 @@ impl Design {
                 y.axpy(*mean, &column, 1.0);
                 d.column_mut(place + c).fill(0.0);
             }
+        }
+        self.multiply();
+    }
+
+    /// Takes the columns of an adopted effect without stretches out, as [`forget`](Self::forget) does.
+    pub(crate) fn take_out(&mut self, place: usize, mean: &[f64]) -> TakenOut {
+        let own = |d: &DMatrix<f64>| d.columns(place, mean.len()).into_owned();
+        let taken = TakenOut { place, columns: self.d.iter().flatten().map(own).collect(), y: self.y.clone() };
+        for (y, columns) in self.y.iter_mut().flatten().zip(&taken.columns) {
+            mean.iter().zip(columns.column_iter()).for_each(|(mean, column)| y.axpy(*mean, &column, 1.0));
+        }
+        self.d.iter_mut().flatten().for_each(|d| d.columns_mut(place, mean.len()).fill(0.0));
+        self.multiply();
+        taken
+    }
+
+    /// Undoes [`take_out`](Self::take_out), to the bit.
+    pub(crate) fn put_back(&mut self, taken: TakenOut) {
+        self.y = taken.y;
+        for (d, columns) in self.d.iter_mut().flatten().zip(&taken.columns) {
+            d.columns_mut(taken.place, columns.ncols()).copy_from(columns);
         }
         self.multiply();
     }

@@ -75,7 +75,15 @@ impl Procedure<'_> {
         for (cause, step) in report.causes.iter_mut().zip(&standing) {
             let confirmed = step.on_drives(&self.nominal.model.parameters, |j| cause.joints.contains(&names[j]));
             cause.magnitude = self.magnitude(search, &confirmed, &solved.x, &solved.stretches);
-            cause.intervals = self.intervals(search, &confirmed, &solved, deviations);
+            let mut moved: Vec<Step> = Vec::new();
+            for (k, adopted) in confirmed.adopted.iter().enumerate() {
+                for form in &adopted.inner_ends {
+                    let mut step = confirmed.clone();
+                    step.adopted[k].form = form.clone();
+                    moved.push(step);
+                }
+            }
+            cause.intervals = self.intervals(search, &confirmed, &moved, &solved, deviations);
         }
         let named = !report.causes.is_empty();
         self.withdraw(report, wrong, &standing, &refused);
@@ -224,12 +232,13 @@ impl Procedure<'_> {
         sizes
     }
 
-    /// 90 % interval of each size, with its name: over each set of `deviations` of the coefficients from their estimate, and around all.
-    /// Sizes that the coefficients do not decide have none.
+    /// 90 % interval of each size, with its name: over each set of `deviations` of the coefficients from their estimate, over the step
+    /// with an inner value `moved` to an end of its interval, and around all. Sizes that neither decides have none.
     fn intervals(
         &self,
         search: &Search<'_>,
         step: &Step,
+        moved: &[Step],
         solved: &Solved,
         deviations: &[Vec<DVector<f64>>],
     ) -> Vec<(String, [f64; 2])> {
@@ -246,6 +255,11 @@ impl Procedure<'_> {
                 if let Some((from, to)) = ends(draws) {
                     (*low, *high) = (low.min(from), high.max(to));
                 }
+            }
+        }
+        for (name, size) in moved.iter().flat_map(|step| self.magnitude(search, step, &solved.x, &solved.stretches)) {
+            for (_, [low, high]) in intervals.iter_mut().filter(|(of, _)| *of == name) {
+                (*low, *high) = (low.min(size), high.max(size));
             }
         }
         // Values of the model enter linearly: resamplings and posterior hold them as often as they say.

@@ -67,8 +67,8 @@ pub struct Cause {
     pub joints: Vec<String>,
     /// Size, by name with unit.
     pub magnitude: Vec<(String, f64)>,
-    /// 90 % interval of sizes, by the same names: over resampled blocks of the runs and over the posterior of the coefficients. Inner
-    /// values (a velocity, an order) and forces that come and go have none.
+    /// 90 % interval of sizes, by the same names: over resampled blocks of the runs, over the posterior of the coefficients and along
+    /// the profile of inner values (a velocity, a stiffness). Forces that come and go have none, nor has what the runs do not bound.
     pub intervals: Vec<(String, [f64; 2])>,
     /// How far the gap shrinks.
     pub shrink: Shrink,

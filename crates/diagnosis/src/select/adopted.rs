@@ -31,6 +31,8 @@ pub(crate) struct Adopted {
     pub(crate) acts_on: Vec<bool>,
     /// Prior mean of its coefficients.
     pub(crate) mean: Vec<f64>,
+    /// The form with one inner value at an end of its 90 % interval, for each end that is known.
+    pub(crate) inner_ends: Vec<Form>,
     /// Whether it is a law of the angle while another one has evidence, too.
     pub(crate) another_law: bool,
 }
@@ -82,6 +84,7 @@ impl Adopted {
             values: Vec::new(),
             acts_on: Vec::new(),
             mean: Vec::new(),
+            inner_ends: Vec::new(),
             another_law: false,
         }
     }
@@ -107,6 +110,7 @@ impl Adopted {
                 .map(|j| !candidate.local.is_empty() || candidate.cells.iter().any(|c| c.joint == j))
                 .collect(),
             mean: candidate.belief.mean.iter().copied().collect(),
+            inner_ends: Vec::new(),
             another_law: false,
         })
     }

@@ -12,6 +12,7 @@ pub(crate) mod equivalence_class;
 pub(crate) mod flange_body;
 pub(crate) mod forward;
 pub(crate) mod hysteresis;
+pub(crate) mod inner_ends;
 pub(crate) mod reselection;
 pub(crate) mod residual;
 pub(crate) mod sign_flips;
