@@ -155,8 +155,13 @@ fn other_file(reader: &Reader, path: &Path, columns: &[Column]) -> Option<LogErr
     }
     let content = Content::of(path).ok()?;
     let is_other = match content {
-        Content::Urdf | Content::Xacro | Content::Mjcf | Content::Sdf | Content::Xml | Content::Json => true,
-        Content::Binary => true,
+        Content::Urdf
+        | Content::Xacro
+        | Content::Mjcf
+        | Content::Sdf
+        | Content::Xml
+        | Content::Json
+        | Content::Binary => true,
         Content::Toml => !is_table_of_numbers(columns),
         _ => false,
     };
