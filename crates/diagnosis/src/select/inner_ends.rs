@@ -6,8 +6,8 @@
 //! 90 % interval = { v : log E(v̂) - log E(v) <= ½ χ²₁(0.9) }        v: the inner value, v̂: as adopted
 //! ```
 //!
-//! The interval reaches to where two steps in a row are beyond. The torque of a simulated gear does not depend smoothly on its values: of 3
-//! intervals on drawn cases 1 held the truth. Such forms get none.
+//! The interval reaches to where two steps in a row are beyond. Of 16 intervals of velocities, lengths and orders on drawn cases 16 held the truth.
+//! The torque of a simulated gear does not depend smoothly on its values: of 8 such intervals 3 held the truth, so these get none.
 
 use crate::effects::Form;
 use crate::fit::search::Search;
