@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use anyhow::{Context, Result};
 use rivet_analysis::fault::Fault;
-use rivet_analysis::robot_file::robot_file;
+use rivet_analysis::robot_file::{ensure_urdf, robot_file};
 use serde_json::json;
 
 use crate::check;
@@ -37,8 +37,7 @@ pub(crate) struct Args {
 /// Writes the file, reads it back and reports what is unknown.
 pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     let to_output = args.output.as_os_str() == "-";
-    let folder = if to_output { Path::new("") } else { args.output.parent().unwrap_or(Path::new("")) };
-    let new = robot_file(&args.urdf, &args.logs, &args.gravity, folder)?;
+    ensure_urdf(&args.urdf)?;
     if !to_output && args.output.exists() && !args.force {
         return Err(Fault::Usage(format!(
             "{} is there already: give another file with --output, or --force",
@@ -49,6 +48,8 @@ pub(crate) fn run(args: &Args) -> Result<ExitCode> {
     if to_output && args.json {
         return Err(Fault::Usage("--json prints where --output - writes: give a file with --output".to_owned()).into());
     }
+    let folder = if to_output { Path::new("") } else { args.output.parent().unwrap_or(Path::new("")) };
+    let new = robot_file(&args.urdf, &args.logs, &args.gravity, folder)?;
     if to_output {
         show(&new.text)?;
         return Ok(ExitCode::SUCCESS);

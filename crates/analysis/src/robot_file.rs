@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use rivet_dynamics::{Proposal, UrdfArm, UrdfError, UrdfMistakes, UrdfNote, UrdfOptions};
 use rivet_estimation::offline::position_step;
+use rivet_files::Content;
 use rivet_logs::{ChannelMap, Log, Naming, ReadOptions, read_as};
 
 use crate::fault::Fault;
@@ -40,7 +41,7 @@ pub struct RobotFile {
 /// # Errors
 /// The URDF is no arm, or a log cannot be read.
 pub fn robot_file(urdf: &Path, logs: &[PathBuf], gravity: &[f64], folder: &Path) -> Result<RobotFile> {
-    let (arm, options) = arm_of(urdf).map_err(|why| runs::wrong_order(urdf, "URDF LOG...").unwrap_or(why))?;
+    let (arm, options) = described(urdf)?;
     let names: Vec<String> = arm.arm.joints.iter().map(|joint| joint.name.clone()).collect();
     let logs: Vec<Log> = logs
         .iter()
@@ -60,6 +61,17 @@ pub fn robot_file(urdf: &Path, logs: &[PathBuf], gravity: &[f64], folder: &Path)
     Ok(RobotFile { text: new.text(), unknown: new.unknown() })
 }
 
+/// Refuses a file of another kind where a URDF is expected, before anything else is asked of the command line.
+///
+/// # Errors
+/// The file is of another kind, or is not there.
+pub fn ensure_urdf(urdf: &Path) -> Result<()> {
+    if matches!(Content::of(urdf), Ok(Content::Urdf)) {
+        return Ok(());
+    }
+    described(urdf).map(|_| ())
+}
+
 /// The robot file of a URDF in memory, with what a log says of the arm.
 pub(crate) fn of_urdf(urdf: &Path, log: Option<&Log>) -> Result<rivet_config::Robot> {
     let (arm, options) = arm_of(urdf)?;
@@ -67,6 +79,11 @@ pub(crate) fn of_urdf(urdf: &Path, log: Option<&Log>) -> Result<rivet_config::Ro
     let folder = urdf.parent().unwrap_or(Path::new(""));
     let new = New { arm: &arm, options: &options, logs: &logs, gravity: &[0.0, 0.0, -9.81], urdf: place(urdf, folder) };
     Ok(rivet_config::parse(&folder.join("robot.toml"), &new.text())?)
+}
+
+/// [`arm_of`], and a log in the URDF's place is called that.
+fn described(urdf: &Path) -> Result<(UrdfArm, UrdfOptions)> {
+    arm_of(urdf).map_err(|why| runs::wrong_order(urdf, "URDF LOG...").unwrap_or(why))
 }
 
 /// The arm of a URDF file, with the options that make it one.
