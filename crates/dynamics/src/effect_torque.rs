@@ -84,6 +84,7 @@ impl Model {
         }
         if effects.displaces {
             let [mut at, mut speed, mut accel] = [[0.0; MAX_JOINTS]; 3];
+            let mut ratio = [1.0; MAX_JOINTS];
             at[..n].copy_from_slice(q);
             speed[..n].copy_from_slice(qd);
             accel[..n].copy_from_slice(qdd);
@@ -93,6 +94,7 @@ impl Model {
                 at[j] += d;
                 speed[j] += v;
                 accel[j] += a;
+                ratio[j] += effect.ratio_error(q[j]);
                 if effect.kind == EffectKind::EncoderEccentricity {
                     out[j] += effects.rotor_inertia[j] * a + effects.viscous[j] * v;
                 }
@@ -100,7 +102,7 @@ impl Model {
             let mut moved = [0.0; MAX_JOINTS];
             inverse_dynamics(&self.arm, &self.arm.links, ws, &at[..n], &speed[..n], &accel[..n], &mut moved[..n]);
             for j in 0..n {
-                out[j] += moved[j] - carried[j];
+                out[j] += ratio[j] * moved[j] - carried[j];
             }
         }
         for effect in &effects.list {

@@ -131,6 +131,17 @@ impl KnownEffect {
         displaces.then(|| displacement(self, q, 0.0, 0.0)[0])
     }
 
+    /// By how much the gear's ratio is off where the encoder says `q`: the link turns by `1 + error` per turn of the encoder,
+    /// and by virtual work the drive carries `1 + error` of the link's torque. 0 for effects that are not the gear's.
+    pub fn ratio_error(&self, q: f64) -> f64 {
+        let [a, b, order, _] = self.values;
+        if self.kind != EffectKind::TransmissionError {
+            return 0.0;
+        }
+        let (sin, cos) = (order * q).sin_cos();
+        order * (b * cos - a * sin)
+    }
+
     /// Whether it does anything.
     pub fn acts(&self) -> bool {
         self.values[..self.kind.sizes()].iter().any(|v| *v != 0.0)

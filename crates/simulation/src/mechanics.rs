@@ -147,6 +147,8 @@ impl Mechanics {
                 | EffectKind::TorqueRipple
                 | EffectKind::JointSpring
                 | EffectKind::Counterbalance => own_torque(effect, 0.0, 0.0, q[j], qd[j]),
+                // The angle of the link is that of the encoder but for the error itself, which is small.
+                EffectKind::TransmissionError => effect.ratio_error(q[j]) * self.carried(j),
                 _ => 0.0,
             };
         }

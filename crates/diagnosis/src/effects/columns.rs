@@ -22,8 +22,9 @@ pub(super) fn between(x: &[f64], place: f64) -> f64 {
     x[k] * (1.0 - share) + x[(k + 1).min(x.len() - 1)] * share
 }
 
-/// The joint's angle is off by cos(cq) and sin(cq): rigid torques change by M δ̈ + ∂τ/∂q δ. Where the encoder itself is
-/// off (`whole`) so do the drive's inertia and viscous friction.
+/// The joint's angle is off by δ = cos(cq) and sin(cq): rigid torques change by M δ̈ + ∂τ/∂q δ. Where the encoder itself is
+/// off (`whole`) so do the drive's inertia and viscous friction. Where it is the gear, its ratio varies: by virtual work the
+/// drive carries (1 + dδ/dq) of the link's torque.
 pub(super) fn wave(p: &Physics<'_>, joint: usize, order: f64, whole: bool) -> Vec<Full> {
     let (q, qd, qdd) = (&p.motion.q[joint], &p.motion.qd[joint], &p.motion.qdd[joint]);
     let n = p.joints();
@@ -38,10 +39,14 @@ pub(super) fn wave(p: &Physics<'_>, joint: usize, order: f64, whole: bool) -> Ve
             let a = order * slope * qdd[k] - order * order * d * qd[k] * qd[k];
             delta.push(d);
             accel.push(a);
-            drive.push(rotor * a + viscous * order * slope * qd[k]);
+            drive.push(if whole {
+                rotor * a + viscous * order * slope * qd[k]
+            } else {
+                order * slope * p.rigid[joint][k]
+            });
         }
         let mut full = displaced(p, joint, &delta, &accel);
-        if whole && let Some(own) = &mut full[joint] {
+        if let Some(own) = &mut full[joint] {
             own.iter_mut().zip(&drive).for_each(|(t, d)| *t += d);
         }
         full

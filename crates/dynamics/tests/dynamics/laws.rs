@@ -176,3 +176,30 @@ proptest! {
         prop_assert!(distance(&tau, &torque(&turned, &q, &qd, &qdd)) <= 1e-12 * (1.0 + largest(&tau)));
     }
 }
+
+/// A gear whose ratio varies does no work: slow motion of the encoder by dq lifts the links by dV, so that the drive carries
+/// dV/dq, with the link at q + error(q). So do the drives of the other joints.
+#[test]
+fn a_transmission_error_does_no_work() {
+    use rivet_dynamics::{EffectKind, Joints, KnownEffect, KnownEffects, Model, Structure};
+    for seed in 0..20 {
+        let (arm, State { q, .. }) = arm_and_state(seed, 4);
+        let (at, still) = (2, [0.0; 4]);
+        let effect = KnownEffect::new(EffectKind::TransmissionError, at, &[2e-3, -1e-3, 80.0]);
+        let model =
+            Model::new(arm, Structure::default()).with_effects(KnownEffects::new(vec![effect], &Joints::zero(4)));
+        let mut tau = torque(&model.arm, &q, &still, &still);
+        model.add_effects(&mut Workspace::new(&model.arm), &q, &still, &still, &mut tau);
+        let lifted = |j: usize, by: f64| {
+            let mut link = q.clone();
+            link[j] += by;
+            link[at] += effect.angle_error(link[at]).expect("an angle");
+            potential(&model.arm, &link)
+        };
+        let by = 1e-5;
+        for j in 0..4 {
+            let slope = (lifted(j, by) - lifted(j, -by)) / (2.0 * by);
+            assert!((tau[j] - slope).abs() < 1e-6 * (1.0 + slope.abs()), "seed {seed}, joint {j}: {} {slope}", tau[j]);
+        }
+    }
+}

@@ -141,6 +141,33 @@ fn encoders_misread_as_the_effect_says() {
     assert_eq!(read.q()[0], 0.1);
 }
 
+/// At rest and let go, the drive of a gear whose ratio is off carries that part of the links' torque more.
+#[test]
+fn a_gear_whose_ratio_varies_changes_the_load_on_its_drive() {
+    let effect = KnownEffect::new(EffectKind::TransmissionError, 1, &[0.0, 1e-3, 80.0]);
+    let q = [0.1, 0.4, 0.2, 0.0, 0.4, 0.3];
+    // Far above what friction holds, so that the joint moves off at once.
+    let command = [0.0, 0.9 * SIX_LIMITS[1], 0.0, 0.0, 0.0, 0.0];
+    let accelerations = [vec![], vec![effect]].map(|effects| {
+        let (_, truth) = arm(&effects);
+        let mut plant = Plant::new(&truth, &Sensors::perfect(6), &PlantSettings::new(0.001, &SIX_LIMITS), 1);
+        plant.place(&q, &[0.0; 6]);
+        plant.step(&command);
+        plant.qdd()
+    });
+    let (model, _) = arm(&[]);
+    let mut ws = Workspace::new(&model.arm);
+    let mut carried = [[0.0; 6]; 2];
+    for (tau, qdd) in carried.iter_mut().zip(&accelerations) {
+        rivet_dynamics::inverse_dynamics(&model.arm, &model.arm.links, &mut ws, &q, &[0.0; 6], &qdd[..6], tau);
+    }
+    let rotor = six_drives().rotor_inertia[1];
+    let given = |at: usize| carried[at][1] + rotor * accelerations[at][1];
+    let missing = given(0) - given(1);
+    let expected = effect.ratio_error(q[1]) * carried[1][1];
+    assert!(expected.abs() > 1.0 && (missing / expected - 1.0).abs() < 0.05, "{missing} for {expected} N m");
+}
+
 #[test]
 fn what_is_not_simulated_is_said() {
     let (_, truth) = arm(&[KnownEffect::new(EffectKind::Backlash, 2, &[1e-3, 1e4, 0.3, 1.0])]);
