@@ -22,8 +22,8 @@ use crate::effects::physics::{Physics, bodies};
 use crate::numerics::parallel::{self, chunks, joined};
 use crate::policy::POLICY;
 
-/// Lowest frequency of a mode \[Hz\]: soft tables have 5 Hz.
-pub(crate) const LOWEST_MODE_HZ: f64 = 4.0;
+/// Lowest frequency of a mode \[Hz\]: platforms on tyres and tall pedestals have 2 to 4 Hz, soft tables 5 Hz.
+pub(crate) const LOWEST_MODE_HZ: f64 = 2.0;
 /// Bounds of the damping ratio for refinement.
 pub(crate) const MODE_DAMPING_RANGE: (f64, f64) = (0.003, 0.2);
 /// Bounds of the arm's share of the inertia: 1 is a base without inertia and an arm whose own is known within some tenths.
