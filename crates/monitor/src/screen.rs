@@ -20,6 +20,8 @@ pub struct View {
     first_column: usize,
     /// First line of the page with state and loop that is shown.
     first_line: usize,
+    /// Rows that the last screen had room for, without titles and heads.
+    screenful: usize,
 }
 
 /// What a terminal shows that has no room for everything.
@@ -35,6 +37,11 @@ impl View {
     pub fn scroll(&mut self, by: isize) {
         let first = if self.page == Page::Health { &mut self.first_line } else { &mut self.first_row };
         *first = first.saturating_add_signed(by);
+    }
+
+    /// Goes down by so many screens; no row is passed over.
+    pub fn scroll_screens(&mut self, by: isize) {
+        self.scroll(by.saturating_mul(isize::try_from(self.screenful.max(1)).unwrap_or(1)));
     }
 
     /// Goes right by so many columns of numbers.
@@ -75,6 +82,7 @@ pub fn draw(frame: &mut Frame<'_>, s: &Snapshot, view: &mut View) {
     let has_pages = health.len() + joints.len() + ample > room;
     if has_pages && view.page == Page::Health {
         view.first_line = view.first_line.min(health.len().saturating_sub(room));
+        view.screenful = room;
         lines.extend(health.into_iter().skip(view.first_line).take(room));
     } else {
         if has_pages {
@@ -86,9 +94,11 @@ pub fn draw(frame: &mut Frame<'_>, s: &Snapshot, view: &mut View) {
         let least = parameters.rows.len().min(MIN_PARAMETER_ROWS) + Section::HEAD_ROWS;
         if joints.len() + least <= rest {
             let below = rest - joints.len();
+            view.screenful = below.saturating_sub(Section::HEAD_ROWS);
             lines.extend(window(&[joints], &mut 0, rest));
             lines.extend(window(&[parameters], &mut view.first_row, below));
         } else {
+            view.screenful = rest.saturating_sub(2 * Section::HEAD_ROWS);
             lines.extend(window(&[joints, parameters], &mut view.first_row, rest));
         }
     }
@@ -452,6 +462,23 @@ mod tests {
                     assert!(cut.is_empty(), "{width}x{height}: {cut:?}\n{picture}");
                 }
             }
+        }
+    }
+
+    /// Screen by screen every parameter is shown, whatever the terminal has room for.
+    #[test]
+    fn screens_pass_over_no_row() {
+        let mut s = full(6);
+        s.parameters =
+            Some(Parameters { count: s.names.len() as u32, model_hash: s.hash, epoch: 5, ..Parameters::default() });
+        for (width, height) in [(80, 24), (100, 30), (80, 14)] {
+            let (mut view, mut seen) = (View::default(), String::new());
+            for _ in 0..s.names.len() {
+                seen += &screen(&s, width, height, &mut view);
+                view.scroll_screens(1);
+            }
+            let missing: Vec<&String> = s.names.iter().filter(|name| !seen.contains(name.as_str())).collect();
+            assert!(missing.is_empty(), "{width}x{height}: {missing:?}");
         }
     }
 
