@@ -170,6 +170,12 @@ impl Diagnosed {
             } else {
                 patched::export(&self.robot, patch, folder)?;
             }
+            if let Some(joints) = self.document.worse_joints() {
+                let text = format!(
+                    "on the held-out log the corrected model has a larger residual in motion than the nominal one: {joints}"
+                );
+                session::note(paragraph("rivet: ", &text).trim_end());
+            }
             return Ok(true);
         }
         let why = if self.document.remark.is_some() { "nothing was evaluated" } else { "gravity comes first" };

@@ -28,6 +28,19 @@ const FEWEST_NAMES: usize = 20;
 /// Confidence from which on ranges are one.
 const HIGH: f64 = 0.9;
 
+/// Residual in motion of a joint over its noise: nominal model, all causes.
+struct Motion<'a> {
+    name: &'a str,
+    before: f64,
+    after: f64,
+}
+
+impl Motion<'_> {
+    fn is_worse(&self) -> bool {
+        self.after > WORSE * self.before
+    }
+}
+
 impl Document {
     /// One line a cause, in their order: what to do, with number, unit, interval and confidence. `scores` are those of cases whose
     /// answers are known.
@@ -183,27 +196,32 @@ impl Document {
         self.causes.iter().filter(long).flat_map(of).collect()
     }
 
-    /// What the causes bring: residual in motion over the noise, of the joint that was furthest off among those of the first line, and the
-    /// simulator's error; none where nothing is known of the motion.
+    /// What the causes bring: residual in motion over the noise of the headline joint, of the one that was furthest off, and of one that
+    /// is worse or keeps a gap; and the simulator's error. None where nothing is known of the motion.
     #[must_use]
     pub fn result_line(&self) -> Option<String> {
-        let both = |j: &JointGap| Some((j.joint.clone(), (*j.in_motion.first()?)?, (*j.in_motion.get(1)?)?));
-        let joints: Vec<(String, f64, f64)> = self.gap.per_joint.iter().filter_map(both).collect();
-        let first = self.causes_by_weight().first().map_or(&[][..], |cause| cause.joints.as_slice());
-        let of_first = joints.iter().filter(|(name, ..)| first.contains(name));
-        let (joint, before, after) =
-            of_first.max_by(|a, b| a.1.total_cmp(&b.1)).or_else(|| joints.iter().max_by(|a, b| a.1.total_cmp(&b.1)))?;
-        let kept =
-            joints.iter().max_by(|a, b| a.2.total_cmp(&b.2)).filter(|(name, _, most)| name != joint && *most > KEEPS);
-        let kept = kept.map_or_else(String::new, |(name, _, most)| format!("; {name} still {}", figure(*most, 2)));
+        let joints = self.motions();
+        let headline = self.headline_joint()?;
+        let of = |name: &str| joints.iter().find(|j| j.name == name);
+        let said = |j: &Motion| format!("{} \u{2192} {} times the noise", figure(j.before, 2), figure(j.after, 2));
+        let Motion { name: joint, before, after } = *of(headline)?;
+        let kept: Vec<&Motion> = joints.iter().filter(|j| j.name != joint && j.after > KEEPS).collect();
+        let worst = kept.iter().max_by(|a, b| a.after.total_cmp(&b.after));
+        let spoilt = kept.iter().filter(|j| j.is_worse()).max_by(|a, b| a.after.total_cmp(&b.after));
+        let first = joints.iter().max_by(|a, b| a.before.total_cmp(&b.before)).filter(|j| j.before > before);
+        let mut more = String::new();
+        if let Some(j) = first {
+            more += &format!("; {} {} \u{2192} {}", j.name, figure(j.before, 2), figure(j.after, 2));
+        }
+        if let Some(j) = spoilt.filter(|j| first.is_none_or(|f| f.name != j.name)) {
+            more += &format!("; {} {} \u{2192} {} (worse)", j.name, figure(j.before, 2), figure(j.after, 2));
+        } else if let Some(j) = worst.filter(|j| first.is_none_or(|f| f.name != j.name)) {
+            more += &format!("; {} still {}", j.name, figure(j.after, 2));
+        }
         let touched =
             if self.causes.iter().any(is_contact) { " The contact stays in it: no model holds it." } else { "" };
-        let motion = format!(
-            "Residual in motion of {joint}: {} \u{2192} {} times the noise{}{kept}.{touched}",
-            figure(*before, 2),
-            figure(*after, 2),
-            worse(*before, *after)
-        );
+        let motion =
+            format!("Residual in motion of {joint}: {}{}{more}.{touched}", said(of(headline)?), worse(before, after));
         let end = self.rollout.as_ref().and_then(|rollout| rollout.points.last());
         let simulator = end.map_or_else(String::new, |end| {
             format!(
@@ -215,6 +233,40 @@ impl Document {
             )
         });
         Some(motion + &simulator)
+    }
+
+    /// The joint that headline and picture are of: where nothing explains the gap the one that keeps most, else the one that was
+    /// furthest off among those of the first line of what to do.
+    pub(crate) fn headline_joint(&self) -> Option<&str> {
+        let joints = self.motions();
+        let most = |of: &dyn Fn(&Motion) -> f64, among: &[String]| {
+            // The first of equals.
+            let some = joints.iter().rev().filter(|j| among.is_empty() || among.iter().any(|name| name == j.name));
+            some.max_by(|a, b| of(a).total_cmp(&of(b))).map(|j| j.name)
+        };
+        if self.verdict == "unexplained" {
+            return most(&|j| j.after, &[]);
+        }
+        let first = self.causes_by_weight().first().map_or(&[][..], |cause| cause.joints.as_slice());
+        most(&|j| j.before, first).or_else(|| most(&|j| j.before, &[]))
+    }
+
+    /// Joints that keep a gap in motion which is larger than that of the nominal model, with both, as text; none where there are none.
+    #[must_use]
+    pub fn worse_joints(&self) -> Option<String> {
+        let joints = self.motions();
+        let worse = joints.iter().filter(|j| j.after > KEEPS && j.is_worse());
+        let all: Vec<String> = worse
+            .map(|j| format!("{} ({} \u{2192} {} times the noise)", j.name, figure(j.before, 2), figure(j.after, 2)))
+            .collect();
+        (!all.is_empty()).then(|| all.join(", "))
+    }
+
+    /// Joints of which a residual in motion is known.
+    fn motions(&self) -> Vec<Motion<'_>> {
+        let both = |j: &JointGap| Some(((*j.in_motion.first()?)?, (*j.in_motion.get(1)?)?));
+        let known = self.gap.per_joint.iter().filter_map(|j| both(j).map(|of| (j.joint.as_str(), of)));
+        known.map(|(name, (before, after))| Motion { name, before, after }).collect()
     }
 
     /// Residual in motion over the noise of the worst joint: nominal model, all causes.
@@ -455,5 +507,22 @@ mod tests {
             line,
             "Residual in motion of a: 14 → 1.1 times the noise; b still 2.4. Simulator in closed loop after 1 s: 141 → 0.370 mrad."
         );
+    }
+
+    /// A joint that was further off, one that became worse, and where nothing explains the gap the joint that keeps it.
+    #[test]
+    fn the_result_hides_no_joint_that_is_worse() {
+        let joint = |name: &str, before: f64, after: f64| json!({"joint": name, "before": 0.3, "after": 0.1, "noise_floor": 0.05, "in_motion": [before, after]});
+        let gap = json!({"before": 0.3, "after": 0.1, "noise_floor": 0.05,
+            "per_joint": [joint("a", 5.0, 1.7), joint("b", 24.0, 1.5), joint("c", 9.9, 17.0)]});
+        let of = |verdict: &str| {
+            let causes = json!([of("stribeck_friction", &["a"], &json!({}))]);
+            document(&[("gap", gap.clone()), ("causes", causes), ("verdict", json!(verdict))])
+        };
+        let line = of("effect").result_line().expect("a line");
+        assert_eq!(line, "Residual in motion of a: 5.0 → 1.7 times the noise; b 24 → 1.5; c 9.9 → 17 (worse).");
+        let line = of("unexplained").result_line().expect("a line");
+        assert!(line.starts_with("Residual in motion of c: 9.9 → 17 times the noise (worse); b 24 → 1.5."), "{line}");
+        assert_eq!(of("effect").worse_joints().as_deref(), Some("c (9.9 → 17 times the noise)"));
     }
 }

@@ -28,7 +28,7 @@ impl Line {
 
 /// Places named in the verdict, and cells named as not known.
 const PLACES: usize = 3;
-const UNKNOWN_CELLS: usize = 4;
+const UNKNOWN_CELLS: usize = 2;
 /// Causes whose shrink is told.
 const SHRINKS: usize = 3;
 /// Sizes named in a sentence.
@@ -133,6 +133,12 @@ impl Document {
     pub(crate) fn is_fitted(&self) -> bool {
         let left: Vec<f64> = self.gap.per_joint.iter().filter_map(|j| *j.in_motion.get(1)?).collect();
         !left.is_empty() && left.iter().all(|times| *times <= SOUND)
+    }
+
+    /// The most that a joint keeps in motion, as a clause.
+    fn kept_in_motion(&self) -> String {
+        let most = self.gap.per_joint.iter().filter_map(|j| *j.in_motion.get(1)?).fold(0.0, f64::max);
+        format!("no joint keeps more than {} times its noise", figure(most, 2))
     }
 
     fn cause_line(&self) -> String {
@@ -305,16 +311,15 @@ impl Document {
                     100.0 * share
                 )),
                 (true, "unexplained") => Some(format!(
-                    "{:.0} % of the squared gap above the noise stays unexplained, at rest or at reversals: in motion the joints \
-                     reach the noise floor",
-                    100.0 * share
+                    "{:.0} % of the squared gap above the noise stays unexplained, at rest or at reversals: in motion {}",
+                    100.0 * share,
+                    self.kept_in_motion()
                 )),
                 // A right model leaves this, too: a share of it would read as a cause that is missing.
-                (true, _) => Some(
-                    "in motion the joints reach the noise floor; at rest and at reversals stiction holds a part of the torque \
-                     that no model predicts"
-                        .to_owned(),
-                ),
+                (true, _) => Some(format!(
+                    "in motion {}; at rest and at reversals stiction holds a part of the torque that no model predicts",
+                    self.kept_in_motion()
+                )),
                 (false, "unexplained") => {
                     Some(format!("{:.0} % of the squared gap above the noise stays unexplained", 100.0 * share))
                 }

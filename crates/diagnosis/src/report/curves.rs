@@ -18,7 +18,7 @@ const CURVE_POINTS: usize = 24;
 /// Length of an excerpt \[s\], time between its points \[s\], joints that are shown.
 const EXCERPT_S: f64 = 6.0;
 const EXCERPT_STEP_S: f64 = 0.02;
-const EXCERPTS: usize = 2;
+const EXCERPTS: usize = 3;
 
 /// Rows whose variable is about the same.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -236,8 +236,8 @@ fn travel(q: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// The stretches of the held-out run where the nominal model is furthest off, on the joints where it is. One joint is of `named`, unless
-/// that is empty. `noise`: of the joints' torque \[N·m\].
+/// The stretches of the held-out run where the nominal model is furthest off: of the joint of `named` that it misses most in motion, of
+/// the one that it misses most of all, and of the one that keeps most with all causes. `noise`: of the joints' torque \[N·m\].
 pub(crate) fn excerpts(
     run: &Prepared,
     stages: &Stages,
@@ -246,15 +246,26 @@ pub(crate) fn excerpts(
     noise: &[f64],
 ) -> Vec<Excerpt> {
     let (given, full) = (&stages.models[0], &stages.models[stages.models.len() - 1]);
-    let square = |x: &mut dyn Iterator<Item = f64>| x.map(|v| v * v).sum::<f64>();
-    let excess = |j: usize| {
-        let error = square(&mut stages.tau[j].iter().zip(&given[j]).map(|(t, m)| t - m));
-        error / (run.floor[j].powi(2) * run.rows() as f64).max(f64::MIN_POSITIVE)
+    let missed = |model: &[Vec<f64>], j: usize| {
+        if run.silent[j].is_some() {
+            return 0.0;
+        }
+        let moving = (0..run.rows()).filter(|row| run.doubt[j][*row] <= noise[j]);
+        let (sum, count) = moving
+            .fold((0.0, 0.0), |(sum, count), row| (sum + (stages.tau[j][row] - model[j][row]).powi(2), count + 1.0));
+        sum / (f64::max(count, 1.0) * run.floor[j].powi(2)).max(f64::MIN_POSITIVE)
     };
-    let mut joints: Vec<(f64, usize)> = (0..names.len()).map(|j| (excess(j), j)).collect();
-    joints.sort_by(|a, b| b.0.total_cmp(&a.0));
-    if let Some(at) = joints.iter().position(|(_, j)| named.contains(&names[*j])) {
-        joints[..=at].rotate_right(1);
+    let by = |model: &[Vec<f64>]| {
+        let mut joints: Vec<(f64, usize)> = (0..names.len()).map(|j| (missed(model, j), j)).collect();
+        joints.sort_by(|a, b| b.0.total_cmp(&a.0));
+        joints.into_iter().map(|(_, j)| j).collect::<Vec<_>>()
+    };
+    let first = by(given);
+    let mut joints: Vec<usize> = first.iter().copied().find(|j| named.contains(&names[*j])).into_iter().collect();
+    for j in [&first[..1], &by(full)[..1], &first[..]].concat() {
+        if !joints.contains(&j) {
+            joints.push(j);
+        }
     }
     let rows = run.rows();
     let length = ((EXCERPT_S / run.chain.row_period_s).round() as usize).min(rows);
@@ -263,7 +274,7 @@ pub(crate) fn excerpts(
         .iter()
         .take(EXCERPTS)
         .filter(|_| length > 0)
-        .map(|(_, j)| {
+        .map(|j| {
             // In motion: at standstill stiction holds what no model predicts.
             let moving = run.doubt[*j].iter().map(|doubt| f64::from(u8::from(*doubt <= noise[*j])));
             let squares = stages.tau[*j].iter().zip(&given[*j]).map(|(t, m)| (t - m).powi(2));

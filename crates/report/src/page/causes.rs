@@ -37,11 +37,11 @@ pub(super) fn causes(document: &Document) -> String {
         };
         let _ = writeln!(out, "<p>{said}</p>");
     } else {
-        out += "<p>In the order of adoption. Each is shown on the held-out log, which took no part in the selection.</p>\n";
+        out += "<p>In the order of what to do. Each is shown on the held-out log, which took no part in the selection.</p>\n";
         out += KEY;
     }
-    for (k, cause) in document.causes.iter().enumerate() {
-        let (title, body) = (escape(&title(cause, document)), body(cause, document));
+    for (k, cause) in document.causes_by_weight().into_iter().enumerate() {
+        let (title, body) = (escape(&title(cause, document)), body(cause, document, true));
         let _ = if k < MOST_OPEN {
             writeln!(out, "<article><h3>{}. {title}</h3>{body}</article>", k + 1)
         } else {
@@ -63,7 +63,7 @@ pub(super) fn causes(document: &Document) -> String {
         }
         for hint in &document.hints {
             let _ = writeln!(out, "<h4>{}</h4>", escape(&title(hint, document)));
-            out += &body(hint, document);
+            out += &body(hint, document, false);
         }
         out += "</details>\n";
     }
@@ -78,25 +78,26 @@ fn title(cause: &Cause, document: &Document) -> String {
     format!("{} on {}", cause.word(), joints(&cause.joints, document.gap.per_joint.len()))
 }
 
-fn body(cause: &Cause, document: &Document) -> String {
+/// What is known of a cause, and its plot; the confidence is that of a name, which a cause that is not `upheld` has not.
+fn body(cause: &Cause, document: &Document, upheld: bool) -> String {
     let s = &cause.shrink;
     let angles = cause.angles_deg.iter().map(|a| a.map(|a| format!(" (angle {a:.0}°)")));
     let angles = angles.map(Option::unwrap_or_default).chain(std::iter::repeat(String::new()));
     let rivals: Vec<String> =
         cause.indistinguishable_from.iter().zip(angles).map(|(name, angle)| rival(name) + &angle).collect();
-    let mut pairs = vec![
-        (
-            "Shrink of the gap",
-            format!(
-                "predicted {} % ({}..{}), measured {} %",
-                percent(s.predicted),
-                percent(s.low),
-                percent(s.high),
-                percent(s.measured)
-            ),
+    let mut pairs = vec![(
+        "Shrink of the gap",
+        format!(
+            "predicted {} % ({}..{}), measured {} %",
+            percent(s.predicted),
+            percent(s.low),
+            percent(s.high),
+            percent(s.measured)
         ),
-        ("Confidence", cause.confidence.map_or_else(|| "-".to_owned(), |c| format!("{c:.2} of 1"))),
-    ];
+    )];
+    if upheld {
+        pairs.push(("Confidence", cause.confidence.map_or_else(|| "-".to_owned(), |c| format!("{c:.2} of 1"))));
+    }
     if cause.share.is_some() {
         pairs.push(("Share of the squared gap, whatever the order", format!("{} %", percent(cause.share))));
     }
@@ -262,19 +263,11 @@ fn corrected(document: &Document) -> &'static str {
     if document.causes.is_empty() { "parameters refitted" } else { "corrected model" }
 }
 
-/// The excerpt of the joint that is furthest off in motion, over its noise: of those of the first line of what to do, where it has joints.
+/// The excerpt of the headline joint, or the first.
 pub(super) fn worst<'a>(document: &Document, figures: &'a Figures) -> Option<&'a Excerpt> {
-    let off = |excerpt: &Excerpt| {
-        let of = document.gap.per_joint.iter().find(|gap| gap.joint == excerpt.joint);
-        of.and_then(|gap| *gap.in_motion.first()?).unwrap_or(0.0)
-    };
-    // The first of equals.
-    let furthest = |among: &dyn Fn(&Excerpt) -> bool| {
-        figures.excerpts.iter().rev().filter(|e| among(e)).max_by(|a, b| off(a).total_cmp(&off(b)))
-    };
-    let causes = document.causes_by_weight();
-    let named = causes.first().map_or(&[][..], |cause| cause.joints.as_slice());
-    furthest(&|excerpt| named.contains(&excerpt.joint)).or_else(|| furthest(&|_| true))
+    let headline = document.headline_joint();
+    let of = figures.excerpts.iter().find(|excerpt| Some(excerpt.joint.as_str()) == headline);
+    of.or_else(|| figures.excerpts.first())
 }
 
 /// Torque of a stretch of the held-out log; `why` it is shown follows the joint's name.
