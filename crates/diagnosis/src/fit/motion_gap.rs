@@ -208,6 +208,13 @@ impl Sealed<'_> {
         joints.all(|j| self.without(k, j) > POLICY.held_out.min_gap_in_motion && settles(j))
     }
 
+    /// Whether step `k` takes most of what the others leave in motion on its joints, and they come down to what sound ones have.
+    pub(crate) fn takes_most(&self, k: usize, mut joints: impl Iterator<Item = usize> + Clone) -> bool {
+        let missed = self.missed(k, joints.clone());
+        let settles = |j| self.in_motion(j).is_none_or(|[_, after]| after <= POLICY.held_out.max_sound_gap);
+        missed.by > POLICY.held_out.min_most_share * missed.of && joints.all(settles)
+    }
+
     /// Whether the run shows step `k` plainly: it takes most of what the others leave on its joints, and that is more than noise.
     pub(crate) fn is_plain(&self, k: usize, mut joints: impl Iterator<Item = usize> + Clone) -> bool {
         let missed = self.missed(k, joints.clone());

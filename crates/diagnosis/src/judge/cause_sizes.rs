@@ -262,12 +262,21 @@ impl Procedure<'_> {
                 (*low, *high) = (low.min(size), high.max(size));
             }
         }
-        // Values of the model enter linearly: resamplings and posterior hold them as often as they say.
+        // Values of the model enter linearly: where its laws hold, resamplings and posterior hold them as often as they say.
         let widening = if step.effect.kind() == Kind::Value { 1.0 } else { POLICY.prediction.size_widening };
+        let model = &self.nominal.model;
+        let drives =
+            step.columns.iter().filter_map(|c| model.parameters.get(*c)).filter(|p| physical_bounds::is_drive(**p));
+        let drives: Vec<String> = drives.map(|p| p.name(&model.arm)).collect();
+        let law = |name: &String, size: f64| {
+            if drives.contains(name) { POLICY.prediction.drive_law_error * size } else { 0.0 }
+        };
         let sizes = self.magnitude(search, step, &solved.x, &solved.stretches);
-        for ((_, [low, high]), (_, size)) in intervals.iter_mut().zip(sizes) {
-            let wider = |end: f64| size + widening * (end - size);
-            (*low, *high) = (wider(*low), wider(*high));
+        for ((name, [low, high]), (_, size)) in
+            intervals.iter_mut().zip(sizes).filter(|((_, [low, high]), _)| low < high)
+        {
+            let wider = |end: f64| (widening * (end - size)).hypot(law(name, size));
+            (*low, *high) = (size - wider(*low), size + wider(*high));
         }
         intervals.retain(|(_, [low, high])| low < high && low.is_finite() && high.is_finite());
         intervals

@@ -103,6 +103,8 @@ impl Judge<'_> {
                 .all(|j| self.sealed.in_motion(j).is_none_or(|[_, after]| after <= POLICY.held_out.min_gap_in_motion))
         };
         let drive = is_drive(step.effect) && settled();
+        let exact = !step.effect.about().is_inexact && step.adopted.iter().all(|a| !a.form.is_simulated());
+        let most = !value && !everywhere && exact && self.sealed.takes_most(k, on.clone());
         let seen = self.sealed.is_plain(k, step_joints());
         let plain = seen && (!value || drive || self.sealed.mostly_stands());
         // Other joints' wrong gains make bodies wrong, and then the one that is right looks wrong.
@@ -118,8 +120,10 @@ impl Judge<'_> {
         // tilt of 4 degrees, a delay of 8 ms. A load pulls there as well.
         let plain_everywhere = step.effect.about().is_judged_in_motion && !step.adopted.is_empty() && seen;
         // Two wrong values of a drive that make up for each other are each the worse for being right alone.
-        let material =
-            (drive && plain) || needed_there || plain_everywhere || is_material(step, shrink, plain, predictable);
+        let material = (drive && plain)
+            || needed_there
+            || plain_everywhere
+            || is_material(step, shrink, plain || most, predictable);
         transfers && enough && material && helped && !right && self.is_believed(step) && !step.doubtful
     }
 
@@ -134,9 +138,9 @@ impl Judge<'_> {
         step.adopted.iter().any(|a| a.form.of_angle_alone() && a.form.joints().iter().any(|j| laws(*j) > 1))
     }
 
-    /// Whether a thing without a name was taken up on a joint of the step: what else is there may be a part of it. Of a constant, which a
-    /// signal has and not the arm, nothing is.
-    fn is_beside_nameless(steps: &[Step], step: &Step) -> bool {
+    /// Whether a thing without a name was taken up on a joint of the step: what else is there may be a part of it, unless it explains more
+    /// and is `most` of the gap. Of a constant, which a signal has and not the arm, nothing is a part.
+    fn is_beside_nameless(steps: &[Step], step: &Step, most: bool) -> bool {
         let part = |form: &Form| form.is_nameless() && !form.is_torque_zero();
         let nameless = steps.iter().flat_map(|s| &s.adopted).filter(|a| part(&a.form));
         // What the larger of two misses for a while looks like a touch.
@@ -144,7 +148,8 @@ impl Judge<'_> {
         if let Some(touch) = touch {
             return nameless.into_iter().any(|a| a.gain > touch.gain);
         }
-        let joints: Vec<usize> = nameless.flat_map(|a| a.form.joints()).collect();
+        let own = step.adopted.iter().map(|a| a.gain).fold(0.0, f64::max);
+        let joints: Vec<usize> = nameless.filter(|a| !most || a.gain >= own).flat_map(|a| a.form.joints()).collect();
         step.effect.kind() == Kind::Structure && step.joints.iter().any(|j| joints.contains(j))
     }
 
@@ -319,7 +324,8 @@ impl Opened<'_> {
         let (mut causes, mut withdrawn, mut upheld) = (Vec::new(), Vec::new(), Vec::new());
         for (k, step) in steps.iter().enumerate() {
             let shrink = shrinkage::estimate(step.effect, k, self.prediction, seen, &judge.gaps);
-            let alone = !Judge::is_patched(steps, step) && !Judge::is_beside_nameless(steps, step);
+            let most = shrink.measured > POLICY.held_out.min_refused_share;
+            let alone = !Judge::is_patched(steps, step) && !Judge::is_beside_nameless(steps, step, most);
             let instead = self.instead_of_contact(k, step);
             let touch = !self.acts_throughout(step);
             let stands = alone && touch && instead.is_none() && judge.upholds(k, step, shrink, self.solved);
@@ -581,7 +587,8 @@ mod tests {
     #[test]
     fn a_constant_hides_no_effect_of_its_joint() {
         let ripple = |joint: usize| step(Ripple { joint, order: 25.0 });
-        let beside = |form: Form, joint: usize| Judge::is_beside_nameless(&[step(form), ripple(joint)], &ripple(joint));
+        let beside =
+            |form: Form, joint: usize| Judge::is_beside_nameless(&[step(form), ripple(joint)], &ripple(joint), false);
         assert!(beside(Hysteresis { joint: 2, length: 0.02 }.into(), 2));
         assert!(!beside(Hysteresis { joint: 2, length: 0.02 }.into(), 1));
         assert!(!beside(Constant { joint: 2 }.into(), 2));
@@ -597,9 +604,24 @@ mod tests {
         };
         let touch = |gain: f64| with(Force { windows: vec![vec![(6.9, 7.4)]], moment: false }.into(), gain);
         let law = || with(TorqueLaw { joint: 1 }.into(), 306.0);
-        assert!(Judge::is_beside_nameless(&[law(), touch(43.0)], &touch(43.0)));
-        assert!(!Judge::is_beside_nameless(&[law(), touch(400.0)], &touch(400.0)));
-        assert!(!Judge::is_beside_nameless(&[touch(43.0)], &touch(43.0)));
+        assert!(Judge::is_beside_nameless(&[law(), touch(43.0)], &touch(43.0), true));
+        assert!(!Judge::is_beside_nameless(&[law(), touch(400.0)], &touch(400.0), true));
+        assert!(!Judge::is_beside_nameless(&[touch(43.0)], &touch(43.0), true));
+    }
+
+    /// A limit that took 81 % of the sealed gap (gain 5000) beside a law of the torque of gain 133; 7 % may be a part of that law.
+    #[test]
+    fn what_takes_most_of_the_gap_is_no_part_of_a_smaller_thing_without_a_name() {
+        let with = |form: Form, gain: f64| {
+            let mut step = step(form);
+            step.adopted.iter_mut().for_each(|a| a.gain = gain);
+            step
+        };
+        let limit = |gain: f64| with(Saturation { joint: 1, limit: 4.6 }.into(), gain);
+        let law = || with(TorqueLaw { joint: 1 }.into(), 133.0);
+        let beside = |gain: f64, most: bool| Judge::is_beside_nameless(&[limit(gain), law()], &limit(gain), most);
+        assert!(!beside(5000.0, true));
+        assert!(beside(5000.0, false) && beside(100.0, true));
     }
 
     #[test]
