@@ -43,7 +43,13 @@ impl<'a> Outputs<'a> {
 
     /// That all of it can be written.
     pub(crate) fn check(&self) -> Result<()> {
-        for (_, path) in &self.files {
+        for (option, path) in &self.files {
+            if path.as_os_str() == "-" {
+                let why = format!(
+                    "{option} -: takes a file; standard output is {option} /dev/stdout, a file of this name {option} ./-"
+                );
+                return Err(Fault::Usage(why).into());
+            }
             rivet_files::writable(path).with_context(|| path.display().to_string())?;
         }
         if let Some(folder) = self.folder {
@@ -122,6 +128,12 @@ mod tests {
 
     fn outputs<'a>(inputs: &[&'a Path], files: &[(&'a str, &'a Path)], folder: Option<&'a Path>) -> Outputs<'a> {
         Outputs { inputs: inputs.to_vec(), files: files.to_vec(), folder }
+    }
+
+    #[test]
+    fn a_dash_is_no_file() {
+        let why = outputs(&[], &[("--json", Path::new("-"))], None).check().expect_err("refused").to_string();
+        assert!(why.contains("--json /dev/stdout"), "{why}");
     }
 
     #[test]

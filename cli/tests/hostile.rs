@@ -235,7 +235,7 @@ fn a_simulator_that_cannot_join_its_bus_leaves_nothing_behind() {
         .args(["--root", "below", "--truth-out"])
         .arg(at("truth.json"))
         .arg("--log-out")
-        .arg(at("log.parquet"))
+        .arg(at("log.csv"))
         .current_dir(folder.path())
         .output()
         .expect("rivet runs");

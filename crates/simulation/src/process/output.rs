@@ -98,9 +98,17 @@ pub(super) struct LogWriter {
     path: PathBuf,
 }
 
+/// Ends of names that say that a file is no CSV.
+const OTHER_FORMATS: [&str; 7] = ["parquet", "mcap", "db3", "h5", "hdf5", "npz", "json"];
+
 impl LogWriter {
     /// The log has the numbers of the bus, and states this.
     pub(super) fn create(path: &Path, joints: usize) -> Result<Self, SimError> {
+        // A reader would believe the name.
+        if path.extension().is_some_and(|end| OTHER_FORMATS.iter().any(|other| end.eq_ignore_ascii_case(other))) {
+            let mend = "--log-out writes CSV; name it .csv, and `rivet convert` writes other formats of it";
+            return Err(SimError::Option(format!("{}: {mend}", path.display())));
+        }
         rivet_files::writable(path).map_err(fails(path))?;
         let (rows, queue) = channel::<Sample>();
         let target = path.to_owned();
@@ -137,5 +145,19 @@ impl LogWriter {
         drop(self.rows);
         let written = self.thread.join().unwrap_or_else(|_| Err(io::Error::other("the log's writer failed")));
         written.map_err(fails(&self.path))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_of_another_format_is_refused() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let create = |name: &str| LogWriter::create(&folder.path().join(name), 6);
+        let why = create("run.Parquet").err().expect("refused").to_string();
+        assert!(why.contains("run.Parquet: --log-out writes CSV"), "{why}");
+        create("run.csv").expect("CSV").finish().expect("written");
     }
 }
