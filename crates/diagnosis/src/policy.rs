@@ -11,6 +11,8 @@ pub(crate) struct Adoption {
     pub(crate) min_delay_coefficient: f64,
     /// Log evidence by which the best must be ahead for a rival not to explain the same. Unit and range: nats, above 0. Origin: hand-set.
     pub(crate) rival_gap: f64,
+    /// Log evidence of a law of the angle over that of another one of the same joint that bodies may make up for. Unit and range: share, 0 to 1. Origin: a spring of an independent simulator (seed 9501) that was named a counterbalance: 0.92.
+    pub(crate) min_law_gain_share: f64,
     /// RMS residual of a joint with little left to explain. Unit and range: multiple of the noise floor, above 1. Origin: hand-set.
     pub(crate) max_floor_ratio_of_little_left: f64,
     /// How far the coefficient of a form of fixed gain may be from 1. Unit and range: share, 0 to 1. Origin: hand-set.
@@ -655,6 +657,7 @@ pub(crate) const POLICY: Policy = Policy {
         min_gain: [28.0, 40.0],
         min_delay_coefficient: 2.0 / 3.0,
         rival_gap: 12.0,
+        min_law_gain_share: 0.85,
         max_floor_ratio_of_little_left: 1.2,
         max_gain_error: 0.4,
         max_effects: 4,

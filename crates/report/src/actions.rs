@@ -23,6 +23,8 @@ const KEEPS: f64 = 2.0;
 pub(crate) const LOST: f64 = 1.0;
 /// A figure that grew by more than this factor is worse.
 const WORSE: f64 = 1.005;
+/// What is known of the forces of contacts (docs/limits.md, sizes).
+const FORCE_CAUTION: &str = " As a force at the flange; peaks come out 1.4 to 3 times too large.";
 /// Confidence in words, on blind cases, needs so many names of that confidence.
 const FEWEST_NAMES: usize = 20;
 /// Confidence from which on ranges are one.
@@ -84,14 +86,14 @@ impl Document {
         } else {
             format!(" These logs do not separate it from {}.", rivals.join(" or "))
         };
-        // Else the limit seems refuted by the measured torque.
-        let command = if cause.effect == "torque_saturation" {
-            " Beyond it the log holds the command: the joint gets no more."
-        } else {
-            ""
+        let caution = match cause.effect.as_str() {
+            // Else the limit seems refuted by the measured torque.
+            "torque_saturation" => " Beyond it the log holds the command: the joint gets no more.",
+            _ if is_contact(cause) => FORCE_CAUTION,
+            _ => "",
         };
         let sure = cause.confidence.map_or_else(String::new, |sure| format!(" Confidence {sure:.2}{rate}."));
-        format!("{}{sizes}.{command}{sure}{or}", self.deed(cause))
+        format!("{}{sizes}.{caution}{sure}{or}", self.deed(cause))
     }
 
     /// Verb, effect and joints: what to do about a likely cause, what to check of another.

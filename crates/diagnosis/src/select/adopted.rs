@@ -44,12 +44,14 @@ pub(crate) struct Rival {
     pub(crate) form: Form,
     /// Cosine of the principal angle between the two.
     pub(crate) cosine: f64,
+    /// Whether it may be ahead with other bodies, so that no evidence with these sets it aside.
+    pub(crate) is_kept: bool,
 }
 
 impl Rival {
     /// None where the two are so far apart that what explains as much is not the same thing.
     pub(crate) fn if_confounded(form: &Form, cosine: f64) -> Option<Rival> {
-        (cosine >= POLICY.adoption.min_confounded_cosine).then(|| Rival { form: form.clone(), cosine })
+        (cosine >= POLICY.adoption.min_confounded_cosine).then(|| Rival { form: form.clone(), cosine, is_kept: false })
     }
 }
 

@@ -86,7 +86,7 @@ pub(crate) fn replace(
     }
     if first.ahead < FAR_BEHIND {
         let values = first.replaces.iter().filter_map(|at| wrong.groups[*at].form());
-        adoption.rivals.extend(values.map(|form| Rival { form, cosine: first.cosine }));
+        adoption.rivals.extend(values.map(|form| Rival { form, cosine: first.cosine, is_kept: false }));
     }
     Some(Some((candidate.clone(), adoption)))
 }

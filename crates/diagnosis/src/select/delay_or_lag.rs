@@ -158,6 +158,6 @@ impl<'a> Search<'a> {
             },
         };
         let cosine = self.cosine(&self.solved(self.scale)?, (one, &its.added.c), (&other, &standing.added.c))?;
-        Some(Rival { form: other.form, cosine })
+        Some(Rival { form: other.form, cosine, is_kept: false })
     }
 }

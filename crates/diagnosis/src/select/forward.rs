@@ -364,13 +364,14 @@ impl Round<'_> {
                     let laws = one.form.of_angle_alone() && other.form.of_angle_alone();
                     let either = laws && one.form.joints() == other.form.joints();
                     rivals.extend(if either {
-                        Some(Rival { form: other.form.clone(), cosine })
+                        Some(Rival { form: other.form.clone(), cosine, is_kept: false })
                     } else {
                         Rival::if_confounded(&other.form, cosine)
                     });
                 }
             }
         }
+        rivals.extend(self.other_laws(&accepted, near, simplest)?);
         let Accepted { candidate, standing, share, shares, p_value } = accepted.swap_remove(simplest);
         if candidate.form.shifts_time() && rivals.iter().all(|rival: &Rival| !rival.form.shifts_time()) {
             rivals.extend(search.other_kind_of_late((&candidate, &standing), clock, physics));
@@ -384,6 +385,37 @@ impl Round<'_> {
             ..Adopted::new(search, &candidate, physics, standing.gain)?
         };
         Some((candidate, adoption))
+    }
+}
+
+impl Round<'_> {
+    /// The spring of the same joint that explains nearly as much as a counterbalance, where the joint turns less than half a turn: a spring
+    /// beside bodies that a file gives wrongly looks so. The other way round it does not: wrong bodies are waves themselves.
+    fn other_laws(&self, accepted: &[Accepted], near: &[usize], simplest: usize) -> Option<Vec<Rival>> {
+        let Round { search, .. } = *self;
+        let one = &accepted[simplest];
+        let [joint] = one.candidate.form.joints()[..] else { return Some(Vec::new()) };
+        if !one.candidate.form.effect().about().balances_gravity
+            || angle_law::range(search, joint) >= std::f64::consts::PI
+        {
+            return Some(Vec::new());
+        }
+        let effect = one.candidate.form.effect();
+        let is_law = |i: &usize| {
+            let other = &accepted[*i];
+            let form = &other.candidate.form;
+            !near.contains(i)
+                && form.of_angle_alone()
+                && !form.is_nameless()
+                && form.effect() != effect
+                && form.joints() == [joint]
+                && other.standing.gain >= POLICY.adoption.min_law_gain_share * one.standing.gain
+        };
+        let Some(other) = (0..accepted.len()).find(is_law).map(|i| &accepted[i]) else { return Some(Vec::new()) };
+        let solved = search.solved(search.scale)?;
+        let pair = [one, other].map(|a| (&a.candidate, &a.standing.added.c));
+        let cosine = search.cosine(&solved, (pair[0].0, pair[0].1), (pair[1].0, pair[1].1))?;
+        Some(vec![Rival { form: other.candidate.form.clone(), cosine, is_kept: true }])
     }
 }
 

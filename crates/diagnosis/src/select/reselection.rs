@@ -33,7 +33,8 @@ impl<'a> Selected<'a> {
                 && !form.joints().is_empty()
                 && form.joints() == last.form.joints()
         };
-        let rivals: Vec<Form> = last.rivals.iter().map(|rival| rival.form.clone()).filter(&exact).collect();
+        let rivals: Vec<Form> =
+            last.rivals.iter().filter(|rival| !rival.is_kept).map(|rival| rival.form.clone()).filter(&exact).collect();
         if !exact(&last.form) {
             return Some(());
         }
