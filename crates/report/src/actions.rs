@@ -204,26 +204,24 @@ impl Document {
     pub fn result_line(&self) -> Option<String> {
         let joints = self.motions();
         let headline = self.headline_joint()?;
-        let of = |name: &str| joints.iter().find(|j| j.name == name);
-        let said = |j: &Motion| format!("{} \u{2192} {} times the noise", figure(j.before, 2), figure(j.after, 2));
-        let Motion { name: joint, before, after } = *of(headline)?;
-        let kept: Vec<&Motion> = joints.iter().filter(|j| j.name != joint && j.after > KEEPS).collect();
-        let worst = kept.iter().max_by(|a, b| a.after.total_cmp(&b.after));
-        let spoilt = kept.iter().filter(|j| j.is_worse()).max_by(|a, b| a.after.total_cmp(&b.after));
-        let first = joints.iter().max_by(|a, b| a.before.total_cmp(&b.before)).filter(|j| j.before > before);
-        let mut more = String::new();
-        if let Some(j) = first {
-            more += &format!("; {} {} \u{2192} {}", j.name, figure(j.before, 2), figure(j.after, 2));
-        }
-        if let Some(j) = spoilt.filter(|j| first.is_none_or(|f| f.name != j.name)) {
-            more += &format!("; {} {} \u{2192} {} (worse)", j.name, figure(j.before, 2), figure(j.after, 2));
-        } else if let Some(j) = worst.filter(|j| first.is_none_or(|f| f.name != j.name)) {
-            more += &format!("; {} still {}", j.name, figure(j.after, 2));
-        }
+        let shown = joints.iter().find(|j| j.name == headline)?;
+        let others = || joints.iter().filter(|j| j.name != headline);
+        let most = |a: &&Motion, b: &&Motion| a.after.total_cmp(&b.after);
+        let first = others().max_by(|a, b| a.before.total_cmp(&b.before)).filter(|j| j.before > shown.before);
+        let kept = || others().filter(|j| j.after > KEEPS && first.is_none_or(|first| first.name != j.name));
+        let steps = |j: &Motion, unit: &str| {
+            let [before, after] = [j.before, j.after].map(|times| figure(times, 2));
+            format!("{before} \u{2192} {after}{unit}{}", worse(j.before, j.after))
+        };
+        let named = |j: &Motion| format!("{} {}", j.name, steps(j, ""));
+        let spoilt = kept().filter(|j| j.is_worse()).max_by(most).map(named);
+        let open = || kept().max_by(most).map(|j| format!("{} still {}", j.name, figure(j.after, 2)));
+        let headline = Some(format!("{headline}: {}", steps(shown, " times the noise")));
+        let residuals = [headline, first.map(named), spoilt.or_else(open)];
+        let residuals = residuals.into_iter().flatten().collect::<Vec<_>>().join("; ");
         let touched =
             if self.causes.iter().any(is_contact) { " The contact stays in it: no model holds it." } else { "" };
-        let motion =
-            format!("Residual in motion of {joint}: {}{}{more}.{touched}", said(of(headline)?), worse(before, after));
+        let motion = format!("Residual in motion of {residuals}.{touched}");
         let end = self.rollout.as_ref().and_then(|rollout| rollout.points.last());
         let simulator = end.map_or_else(String::new, |end| {
             format!(
