@@ -220,7 +220,7 @@ impl Document {
         let residuals = [headline, first.map(named), spoilt.or_else(open)];
         let residuals = residuals.into_iter().flatten().collect::<Vec<_>>().join("; ");
         let touched =
-            if self.causes.iter().any(is_contact) { " The contact stays in it: no model holds it." } else { "" };
+            if self.causes.iter().any(is_contact) { " A contact stays in it: no model holds that." } else { "" };
         let motion = format!("Residual in motion of {residuals}.{touched}");
         let end = self.rollout.as_ref().and_then(|rollout| rollout.points.last());
         let simulator = end.map_or_else(String::new, |end| {

@@ -99,7 +99,7 @@ pub fn quantity(name: &str, document: &Document) -> (String, String) {
     }
     for (suffix, unit) in UNITS {
         if let Some(stem) = name.strip_suffix(suffix) {
-            return (stem.replace('_', " "), unit.to_owned());
+            return (crate::terms::effect(stem), unit.to_owned());
         }
     }
     if name == "ratio" {
@@ -189,7 +189,7 @@ mod tests {
         let document = serde_json::from_str(crate::document::CONTRACT).expect("a document");
         let [label, unit] = <[String; 2]>::from(quantity("backwards_Nm", &document));
         assert_eq!((label.as_str(), unit.as_str()), ("backwards more than the other way by", "N m"));
-        assert_eq!(quantity("coulomb_Nm", &document).0, "coulomb");
+        assert_eq!(quantity("coulomb_Nm", &document).0, "Coulomb");
     }
 
     #[test]
