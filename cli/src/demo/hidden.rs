@@ -96,10 +96,11 @@ impl Hidden {
             let others = causes.iter().filter(|cause| !self.is(cause) && differs(&cause.effect) == is_true);
             others.map(|cause| effect(&cause.effect)).collect()
         };
-        for (is_true, note) in [(true, "the true arm differs in these, too"), (false, "not in the true arm")] {
+        // What the file has wrong beside the hidden effect, then what it has right.
+        for (is_true, head) in [(true, "  also wrong   "), (false, "  false name   ")] {
             let others = others(is_true);
             if !others.is_empty() {
-                out += &paragraph_within(COLUMNS, "  also named   ", &format!("{} ({note})", others.join(", ")));
+                out += &paragraph_within(COLUMNS, head, &others.join(", "));
             }
         }
         if let Some(result) = found.result_line() {
