@@ -222,10 +222,7 @@ impl Diagnosed {
             text += &paragraph("  Bodies       ", &finding.text);
         }
         if !details && self.document.remark.is_none() {
-            text += &paragraph(
-                "  More         ",
-                "--details: the gap, its place, tables of causes, parameters and joints. --html FILE: all as a page.",
-            );
+            text += &paragraph("  More         ", "--details: gap, place and tables. --html FILE: all as a page.");
         }
         Ok(text)
     }

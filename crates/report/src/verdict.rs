@@ -342,7 +342,8 @@ impl Document {
                 left.iter().map(|(joint, times)| format!("{joint} {}", figure(*times, 2))).collect();
             open.push(format!("in motion, with all causes, {} times the noise", list(&times)));
         }
-        let unknown: Vec<&crate::Cell> = self.place.iter().filter(|c| !c.known).collect();
+        // At rest nothing is judged, whatever the data.
+        let unknown: Vec<&crate::Cell> = self.place.iter().filter(|c| !c.known && c.regime != "rest").collect();
         if !unknown.is_empty() {
             let names: Vec<String> =
                 unknown.iter().take(UNKNOWN_CELLS).map(|c| format!("{} {}", c.joint, regime(&c.regime))).collect();
